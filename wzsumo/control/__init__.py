@@ -1,0 +1,1 @@
+"""(EgoState, ReferencePath) -> Command -> EgoState."""

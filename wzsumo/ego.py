@@ -1,0 +1,61 @@
+"""The ego vehicle: its state, the command it gets, its run and how the run ended."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.frames import FloatArray
+
+
+class Outcome(StrEnum):
+    """How a case ended."""
+
+    REACHED_GOAL = "REACHED_GOAL"
+    STRUCK_DEVICE = "STRUCK_DEVICE"
+    ENTERED_CLOSED_AREA = "ENTERED_CLOSED_AREA"
+    COLLIDED = "COLLIDED"
+    LEFT_PAVEMENT = "LEFT_PAVEMENT"
+    NO_PATH = "NO_PATH"
+    TIMED_OUT = "TIMED_OUT"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EgoState:
+    """State of the ego. Reference point: centre of the REAR AXLE, world frame."""
+
+    x: float  # m
+    y: float  # m
+    heading: float  # rad, counter-clockwise from +x
+    speed: float  # m/s
+    steering: float = 0.0  # rad, angle of the front wheel, positive to the left
+    acceleration: float = 0.0  # m/s2
+
+    @property
+    def pose(self) -> FloatArray:
+        """Pose (3,) of the rear axle."""
+        return np.array([self.x, self.y, self.heading])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """What the controllers send to the vehicle: throttle and brake in [0, 1], front-wheel steering angle [rad]."""
+
+    throttle: float
+    brake: float
+    steering: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EgoRun:
+    """The driven run: a log with `tables.EGO_LOG_COLUMNS`, one row a control step, and its outcome."""
+
+    log: pd.DataFrame
+    outcome: Outcome
+    reason: str  # one sentence, empty where the goal was reached
+
+    @property
+    def poses(self) -> FloatArray:
+        """Driven poses (n, 3) of the rear axle."""
+        return self.log[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)

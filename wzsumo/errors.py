@@ -1,0 +1,29 @@
+"""Named errors. Whatever a user can mend is an `InputError`: one clear line, exit code 2."""
+
+
+class InputError(Exception):
+    """Bad input: the message says what was given, the rule and the remedy. The command line exits with 2."""
+
+
+class SpecError(InputError):
+    """A scenario, study or parameter that cannot be."""
+
+
+class TraceError(InputError):
+    """A trace table that is not one: a column missing, a value not finite, too few traces."""
+
+
+class MapError(InputError):
+    """A map, or a pose on it, that cannot be used: image and metadata disagree, a pose lies outside."""
+
+
+class OutputError(InputError):
+    """A place that results cannot be written to."""
+
+
+class SumoMissingError(InputError):
+    """SUMO cannot be loaded on this machine."""
+
+
+class SimulationError(Exception):
+    """SUMO did what the toolkit did not expect: a fault of ours, exit code 1."""

@@ -1,0 +1,65 @@
+"""Angles, poses and the points of a vehicle. The world frame is SUMO's net frame: metres, x east, y north.
+
+Headings are radians counter-clockwise from +x. A pose is (x, y, heading); arrays of poses are (n, 3). SUMO speaks of the
+centre of the FRONT BUMPER and of degrees clockwise from north: both are converted here and used in `simulation/` alone.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
+    """Angles [rad] in (-pi, pi], same shape.
+
+    >>> float(wrap_angle(3 * np.pi))
+    3.141592653589793
+    """
+    turns = np.asarray(angle, dtype=float)
+    return np.asarray(np.pi - np.mod(np.pi - turns, 2 * np.pi))
+
+
+def heading_from_sumo_angle(angle_deg: npt.ArrayLike) -> FloatArray:
+    """Headings [rad, counter-clockwise from +x, in (-pi, pi]] of SUMO angles [degrees clockwise from north].
+
+    Source: SUMO docs, FCDOutput, "angle".
+    """
+    return wrap_angle(np.deg2rad(90.0 - np.asarray(angle_deg, dtype=float)))
+
+
+def sumo_angle_from_heading(heading: npt.ArrayLike) -> FloatArray:
+    """SUMO angles [degrees clockwise from north, in [0, 360)] of headings [rad]."""
+    return np.asarray(np.mod(90.0 - np.rad2deg(np.asarray(heading, dtype=float)), 360.0))
+
+
+def advance(poses: npt.ArrayLike, distance: npt.ArrayLike) -> FloatArray:
+    """Poses (..., 3) moved by `distance` [m] along their own heading: front bumper <-> centre <-> rear axle.
+
+    >>> advance([0.0, 0.0, 0.0], 1.93).tolist()
+    [1.93, 0.0, 0.0]
+    """
+    moved = np.array(poses, dtype=float)
+    heading = moved[..., 2]
+    moved[..., 0] += distance * np.cos(heading)
+    moved[..., 1] += distance * np.sin(heading)
+    return moved
+
+
+def to_world(pose: npt.ArrayLike, points: npt.ArrayLike) -> FloatArray:
+    """World points (n, 2) of points (n, 2) given in the frame of one pose (x, y, heading)."""
+    x, y, heading = np.asarray(pose, dtype=float)
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+
+
+def headings_along(points: npt.ArrayLike) -> FloatArray:
+    """Headings (n,) [rad] of a polyline (n, 2), n >= 2: along the chord between neighbours, one-sided at the ends."""
+    step = np.gradient(np.asarray(points, dtype=float), axis=0)
+    return np.asarray(np.arctan2(step[:, 1], step[:, 0]))
+
+
+def arc_length(points: npt.ArrayLike) -> FloatArray:
+    """Distances (n,) [m] along a polyline (n, 2) from its first point."""
+    steps = np.diff(np.asarray(points, dtype=float), axis=0)
+    return np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])

@@ -1,0 +1,33 @@
+"""Channelizing devices: their spacing and their size."""
+
+import math
+
+from wzsumo.units import METRES_PER_INCH
+from wzsumo.work_zone import DeviceKind
+
+# Height and radius of the outline on the ground [m]. Heights: MUTCD 11th ed., Sections 6K.03 (cones) and 6K.07 (drums,
+# 18 in wide). A 28 or 36 in cone stands on a base of about 14 in square: radius 7 in.
+DEVICE_SIZE_M = {
+    DeviceKind.CONE_28_IN: (28 * METRES_PER_INCH, 7 * METRES_PER_INCH),
+    DeviceKind.CONE_36_IN: (36 * METRES_PER_INCH, 7 * METRES_PER_INCH),
+    DeviceKind.DRUM: (36 * METRES_PER_INCH, 9 * METRES_PER_INCH),
+}
+
+
+def taper_spacing_ft(speed_mph: float) -> float:
+    """Largest device spacing [ft] in a taper: the speed in mph. Source: MUTCD 11th ed., Section 6K.01."""
+    return speed_mph
+
+
+def tangent_spacing_ft(speed_mph: float) -> float:
+    """Largest device spacing [ft] in a tangent: twice the speed in mph. Source: MUTCD 11th ed., Section 6K.01."""
+    return 2 * speed_mph
+
+
+def device_gaps(length_ft: float, *, spacing_ft: float) -> int:
+    """Number of equal gaps that a stretch needs to keep the spacing; one device more than gaps stands on it.
+
+    >>> device_gaps(720, spacing_ft=60)
+    12
+    """
+    return max(1, math.ceil(length_ft / spacing_ft - 1e-9))

@@ -1,0 +1,51 @@
+"""Taper and buffer lengths. Feet and mph, as printed in the manual."""
+
+import math
+
+from wzsumo.errors import SpecError
+
+# Stopping sight distance as longitudinal buffer [ft] by speed [mph]: MUTCD 11th ed., Table 6B-2.
+STOPPING_SIGHT_DISTANCE_FT = {
+    20: 115, 25: 155, 30: 200, 35: 250, 40: 305, 45: 360, 50: 425, 55: 495, 60: 570, 65: 645, 70: 730, 75: 820,
+}  # fmt: skip
+
+
+def merging_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
+    """Minimum merging-taper length L [ft] for a lateral offset [ft] at a posted speed [mph].
+
+    Raises SpecError between 40 and 45 mph, where the manual gives no formula.
+    Source: MUTCD 11th ed., Tables 6B-3 and 6B-4: L = W S^2 / 60 up to 40 mph, L = W S from 45 mph.
+
+    >>> merging_taper_length_ft(60, offset_ft=12)
+    720
+    """
+    if not 0 <= offset_ft < math.inf:
+        raise SpecError(f"offset_ft={offset_ft} must be a width of 0 or more feet")
+    if not 20 <= speed_mph <= 75:
+        raise SpecError(f"posted_speed_mph={speed_mph} must be 20 to 75 mph, the range of the manual's tables")
+    if speed_mph <= 40:
+        return offset_ft * speed_mph**2 / 60
+    if speed_mph >= 45:
+        return offset_ft * speed_mph
+    raise SpecError(f"posted_speed_mph={speed_mph}: the MUTCD gives no taper formula between 40 and 45 mph; post 40 or 45 mph")
+
+
+def shifting_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
+    """Minimum shifting-taper length [ft], L / 2. Source: MUTCD 11th ed., Table 6B-3."""
+    return merging_taper_length_ft(speed_mph, offset_ft=offset_ft) / 2
+
+
+def shoulder_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
+    """Minimum shoulder-taper length [ft], L / 3. Source: MUTCD 11th ed., Table 6B-3."""
+    return merging_taper_length_ft(speed_mph, offset_ft=offset_ft) / 3
+
+
+def buffer_length_ft(speed_mph: float) -> float:
+    """Longitudinal buffer [ft]: stopping sight distance at the next speed of the manual's table that is not below.
+
+    Source: MUTCD 11th ed., Table 6B-2. Raises SpecError above 75 mph.
+    """
+    for speed, length in STOPPING_SIGHT_DISTANCE_FT.items():
+        if speed_mph <= speed:
+            return length
+    raise SpecError(f"posted_speed_mph={speed_mph} must be 20 to 75 mph, the range of the manual's tables")

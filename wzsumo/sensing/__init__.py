@@ -1,0 +1,1 @@
+"""What vehicles measure: reported traces, LiDAR scans."""

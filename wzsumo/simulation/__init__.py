@@ -1,0 +1,1 @@
+"""WorkZoneLayout -> SUMO -> trace table. `session.py` alone imports libsumo."""

@@ -1,0 +1,1 @@
+"""Joins the stages: one case, many cases, their report."""
