@@ -1,0 +1,87 @@
+"""The SUMO folder of a scenario: network, demand, what to draw, and a configuration that sumo-gui opens."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from pydantic import Field
+from shapely.geometry.base import BaseGeometry
+
+from wzsumo.frames import FloatArray
+from wzsumo.simulation.demand import DemandSpec, write_demand
+from wzsumo.simulation.network import Edge, edges_of, write_network, write_xml
+from wzsumo.spec import Spec
+from wzsumo.units import mps_from_mph
+from wzsumo.work_zone import WorkZoneLayout
+
+SUBLANE_WIDTH_M = 0.45  # lateral resolution: an eighth of a 12 ft lane
+_AREA_COLOURS = {"closed_area": "230,159,0,120", "drivable": "0,158,115,60"}  # Okabe-Ito orange, green
+
+
+class SimulationSpec(Spec):
+    """How SUMO runs."""
+
+    step_length_s: float = Field(0.1, gt=0, le=1)  # one action of every driver; FCD at the same 10 Hz
+    demand: DemandSpec = DemandSpec()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SumoFiles:
+    """A folder of SUMO files: everything starts from `config`."""
+
+    config: Path
+    edges: tuple[Edge, ...]
+    step_length: float  # s
+    duration: float  # s
+
+
+def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSpec, seed: int) -> SumoFiles:
+    """Write zone.{net,rou,add}.xml and zone.sumocfg into `folder`; the configuration carries the seed."""
+    edges = edges_of(layout)
+    net = write_network(layout, folder)
+    routes = write_demand(edges, folder, spec=spec.demand, speed=mps_from_mph(layout.work_zone.posted_speed_mph), seed=seed)
+    additional = _write_drawing(layout, folder)
+    root = ET.Element("configuration")
+    sections = {
+        "input": {"net-file": net.name, "route-files": routes.name, "additional-files": additional.name},
+        "time": {"begin": "0", "end": f"{spec.demand.duration_s:g}", "step-length": f"{spec.step_length_s:g}"},
+        "processing": {
+            "lateral-resolution": str(SUBLANE_WIDTH_M),
+            "time-to-teleport": "-1",  # a vehicle that cannot go on waits: a teleport would be a trace through the devices
+            "collision.action": "none",  # SUMO's records are not contact (minGap counts): overlap is computed by us
+            "collision.check-junctions": "false",
+        },
+        "random_number": {"seed": str(seed)},
+        "report": {"xml-validation": "never", "no-step-log": "true", "duration-log.disable": "true"},
+    }
+    for section, options in sections.items():
+        item = ET.SubElement(root, section)
+        for name, value in options.items():
+            ET.SubElement(item, name, value=value)
+    config = folder / "zone.sumocfg"
+    write_xml(root, config)
+    return SumoFiles(config=config, edges=edges, step_length=spec.step_length_s, duration=spec.demand.duration_s)
+
+
+def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
+    """zone.add.xml: polygons and points that sumo-gui draws; SUMO's vehicles do not see them."""
+    root = ET.Element("additional")
+    for name, colour in _AREA_COLOURS.items():
+        area: BaseGeometry = getattr(layout, name)
+        for number, part in enumerate(getattr(area, "geoms", [area])):
+            shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in part.exterior.coords)
+            ET.SubElement(root, "poly", id=f"{name}_{number}", color=colour, fill="1", layer="-1", shape=shape, type=name)
+    for number, device in enumerate(layout.devices.itertuples()):
+        ET.SubElement(
+            root, "poly", id=f"device_{number:03d}", color="213,94,0", fill="1", layer="5", type=str(device.kind),
+            shape=" ".join(f"{x:.3f},{y:.3f}" for x, y in _circle(device.x_m, device.y_m, device.radius_m)),
+        )  # fmt: skip
+    path = folder / "zone.add.xml"
+    write_xml(root, path)
+    return path
+
+
+def _circle(x: float, y: float, radius: float) -> FloatArray:
+    turn = np.linspace(0, 2 * np.pi, 13)
+    return np.column_stack([x + radius * np.cos(turn), y + radius * np.sin(turn)])

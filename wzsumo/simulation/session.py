@@ -1,0 +1,138 @@
+"""One running SUMO simulation in this process. The only module that imports libsumo.
+
+libsumo allows one simulation a process. Points leave this module as vehicle CENTRES and headings; the ego is placed by the
+pose of its REAR AXLE.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wzsumo.ego import EgoState
+from wzsumo.errors import SumoMissingError
+from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle, sumo_angle_from_heading
+from wzsumo.simulation.installation import REMEDY
+from wzsumo.vehicle import VehicleGeometry
+
+EGO_ID = "ego"
+_FREE_PLACEMENT = 2  # keepRoute of moveToXY: exactly where it is told, also beside the lanes (SUMO docs, TraCI moveToXY)
+_MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Traffic:
+    """All vehicles but the ego at one moment: ids (n,), centre poses (n, 3), speeds (n,), lengths and widths (n,)."""
+
+    ids: tuple[str, ...]
+    poses: FloatArray
+    speeds: FloatArray
+    lengths: FloatArray
+    widths: FloatArray
+
+
+class Session:
+    """A running simulation; made by `running`."""
+
+    def __init__(self, libsumo: Any) -> None:
+        self._sumo = libsumo
+        self._sizes: dict[str, tuple[float, float]] = {}
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self._sumo.simulation.getTime())
+
+    def step(self) -> None:
+        """Advance by one step."""
+        self._sumo.simulationStep()
+
+    def traffic(self) -> Traffic:
+        """The vehicles on the road now, without the ego."""
+        vehicle = self._sumo.vehicle
+        ids = tuple(v for v in vehicle.getIDList() if v != EGO_ID)
+        for id_ in ids:
+            if id_ not in self._sizes:
+                self._sizes[id_] = (vehicle.getLength(id_), vehicle.getWidth(id_))
+        size = np.array([self._sizes[v] for v in ids]).reshape(-1, 2)
+        bumper = np.array([vehicle.getPosition(v) for v in ids]).reshape(-1, 2)
+        heading = heading_from_sumo_angle([vehicle.getAngle(v) for v in ids])
+        return Traffic(
+            ids=ids,
+            poses=advance(np.column_stack([bumper, heading]), -size[:, 0] / 2),
+            speeds=np.array([vehicle.getSpeed(v) for v in ids], dtype=float),
+            lengths=size[:, 0],
+            widths=size[:, 1],
+        )
+
+    def request_ego(self, vehicle: VehicleGeometry, *, edge: str, lane: int, position: float, speed: float) -> None:
+        """Ask SUMO to insert the ego, front bumper at `position` [m] of a lane, as soon as a driver could."""
+        api = self._sumo
+        api.vehicletype.copy("DEFAULT_VEHTYPE", EGO_ID)
+        api.vehicletype.setLength(EGO_ID, vehicle.length_m)
+        api.vehicletype.setWidth(EGO_ID, vehicle.width_m)
+        edges = api.route.getEdges("through")
+        api.route.add(EGO_ID, edges[edges.index(edge) :])
+        api.vehicle.add(
+            EGO_ID,
+            EGO_ID,
+            typeID=EGO_ID,
+            depart="now",
+            departLane=str(lane),
+            departPos=f"{position:.3f}",
+            departSpeed=f"{speed:.3f}",
+        )
+
+    def has_ego(self) -> bool:
+        """Whether the ego drives."""
+        return EGO_ID in self._sumo.vehicle.getIDList()
+
+    def take_over_ego(self) -> None:
+        """From now on the ego goes where `place_ego` puts it and nowhere else."""
+        self._sumo.vehicle.setSpeedMode(EGO_ID, 0)
+        self._sumo.vehicle.setLaneChangeMode(EGO_ID, 0)
+
+    def place_ego(self, state: EgoState, vehicle: VehicleGeometry) -> None:
+        """Put the ego at `state` at the end of the coming step, which followers then see."""
+        x, y, heading = advance(state.pose, vehicle.axle_to_bumper_m)
+        angle = float(sumo_angle_from_heading(heading))
+        api = self._sumo.vehicle
+        api.moveToXY(EGO_ID, "", -1, x, y, angle=angle, keepRoute=_FREE_PLACEMENT, matchThreshold=_MATCH_RADIUS_M)
+        # Without it SUMO infers a speed from the move, with spikes of 1 m/s.
+        api.setSpeed(EGO_ID, state.speed)
+
+    def remove_ego(self) -> None:
+        """Take the ego off the road."""
+        self._sumo.vehicle.remove(EGO_ID)
+
+
+@contextmanager
+def running(config: Path, *, options: tuple[str, ...] = ()) -> Iterator[Session]:
+    """A simulation of a SUMO configuration, closed at the end of the block. Raises SumoMissingError."""
+    libsumo = _load_libsumo()
+    libsumo.start(["sumo", "--configuration-file", str(config), *options])
+    try:
+        yield Session(libsumo)
+    finally:
+        libsumo.close()
+
+
+def _load_libsumo() -> Any:
+    # libsumo prints a line about pyarrow on stdout unless told to be quiet, and sets PROJ_LIB for the whole process,
+    # which breaks other users of PROJ (rasterio).
+    os.environ.setdefault("LIBSUMO_AS_TRACI", "quiet")
+    proj = {name: os.environ.get(name) for name in ("PROJ_LIB", "PROJ_DATA")}
+    try:
+        import libsumo
+    except ImportError as error:
+        raise SumoMissingError(f"libsumo cannot be loaded ({error}); {REMEDY}") from None
+    for name, value in proj.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
+    return libsumo
