@@ -1,0 +1,99 @@
+"""Controller: (EgoState, ReferencePath) -> Command, once a control step."""
+
+from math import inf, radians
+from typing import Literal
+
+from pydantic import Field
+
+from wzsumo.control.car_following import IdmSpec, Leader, following_acceleration
+from wzsumo.control.path_frame import PathFrame, PathPosition
+from wzsumo.control.pedals import PedalSpec, pedal_from_acceleration
+from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, TunedPidMemory, TunedPidSpec, paper_pid, tuned_pid
+from wzsumo.control.pure_pursuit import RegulatedSpec, lookahead_m, paper_target, pursuit_steering
+from wzsumo.ego import Command, EgoState
+from wzsumo.errors import InputError
+from wzsumo.path import ReferencePath
+from wzsumo.spec import Spec
+from wzsumo.vehicle import VehicleGeometry
+
+
+class ControlSpec(Spec):
+    """How the ego follows its path, keeps its speed and minds the vehicle ahead."""
+
+    lateral: Literal["paper", "regulated"] = "regulated"
+    longitudinal: Literal["paper", "tuned"] = "tuned"
+    car_following: Literal["none", "idm"] = "idm"
+    target_speed_mps: float = Field(default=10.0, ge=0, le=60)  # Chen et al. 2022
+    min_lookahead_m: float = Field(default=3.0, gt=0)  # ibid.; the law "paper"
+    pursuit_length_m: float = Field(
+        default=4.6391, gt=0
+    )  # ibid.: the car's LENGTH in the place of the wheelbase; the law "paper"
+    goal_tolerance_m: float = Field(default=0.1, ge=0)  # the end of the path counts as reached this far before it
+    regulated: RegulatedSpec = RegulatedSpec()
+    pid: PaperPidSpec = PaperPidSpec()
+    tuned: TunedPidSpec = TunedPidSpec()
+    idm: IdmSpec = IdmSpec()
+    pedals: PedalSpec = PedalSpec()
+
+
+class Controller:
+    """Follows one path. Holds what a controller remembers: the place on the path and the memory of the PID.
+
+    `cross_track_m` (positive: ego left of the path), `station_m` and `reached_end` tell of the state given to the last
+    `command`; before the first one they are 0, 0 and False.
+    """
+
+    def __init__(self, path: ReferencePath, vehicle: VehicleGeometry, spec: ControlSpec) -> None:
+        self._vehicle, self._spec = vehicle, spec
+        self._frame = PathFrame.of(path)
+        self._position: PathPosition | None = None
+        self._paper_pid, self._tuned_pid = PaperPidMemory(), TunedPidMemory()
+
+    @property
+    def cross_track_m(self) -> float:
+        """Distance of the rear axle from the path, positive to the left."""
+        return self._position.cross_track_m if self._position else 0.0
+
+    @property
+    def station_m(self) -> float:
+        """Distance along the path of the point beside the rear axle."""
+        return self._position.station_m if self._position else 0.0
+
+    @property
+    def reached_end(self) -> bool:
+        """Whether the rear axle is at the end of the path or past it."""
+        return self._position is not None and self.station_m >= self._frame.length_m - self._spec.goal_tolerance_m
+
+    def command(self, state: EgoState, *, dt: float, leader: Leader | None) -> Command:
+        """Command for the next `dt` seconds, and the memory moved on by one step. Raises InputError for dt <= 0."""
+        if not 0 < dt < inf:
+            raise InputError(f"dt={dt} s must be the time from one command to the next, above 0")
+        near = self._position.segment if self._position else None
+        self._position = self._frame.locate(state.x, state.y, near=near)
+        pedal = self._pedal(state, reference=self._spec.target_speed_mps, dt=dt, leader=leader)
+        return Command(throttle=max(pedal, 0.0), brake=max(-pedal, 0.0), steering=self._steering(state, self._position))
+
+    def _steering(self, state: EgoState, position: PathPosition) -> float:
+        spec = self._spec
+        if spec.lateral == "paper":
+            target = paper_target(self._frame, position, state=state, min_lookahead_m=spec.min_lookahead_m)
+            wanted = pursuit_steering(state, target, length_m=spec.pursuit_length_m)
+        else:
+            target = self._frame.point_at(position.station_m + lookahead_m(state.speed, spec=spec.regulated))
+            wanted = pursuit_steering(state, target, length_m=self._vehicle.wheelbase_m)
+        limit = radians(self._vehicle.max_steering_deg)
+        return min(max(wanted, -limit), limit)
+
+    def _pedal(self, state: EgoState, *, reference: float, dt: float, leader: Leader | None) -> float:
+        spec = self._spec
+        ceiling = inf
+        if leader is not None and spec.car_following == "idm":
+            ceiling = following_acceleration(state.speed, leader=leader, spec=spec.idm)
+        highest = pedal_from_acceleration(ceiling, spec=spec.pedals)
+        if spec.longitudinal == "paper":
+            pedal, self._paper_pid = paper_pid(self._paper_pid, reference - state.speed, dt=dt, spec=spec.pid)
+            return min(pedal, highest)
+        demand, self._tuned_pid = tuned_pid(
+            self._tuned_pid, speed=state.speed, reference=reference, dt=dt, ceiling=ceiling, spec=spec.tuned
+        )
+        return pedal_from_acceleration(demand, spec=spec.pedals)
