@@ -3,13 +3,16 @@
 from math import inf, radians
 from typing import Literal
 
+import numpy.typing as npt
 from pydantic import Field
 
 from wzsumo.control.car_following import IdmSpec, Leader, following_acceleration
 from wzsumo.control.path_frame import PathFrame, PathPosition
 from wzsumo.control.pedals import PedalSpec, pedal_from_acceleration
 from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, TunedPidMemory, TunedPidSpec, paper_pid, tuned_pid
-from wzsumo.control.pure_pursuit import RegulatedSpec, lookahead_m, paper_target, pursuit_steering
+from wzsumo.control.pure_pursuit import paper_steering
+from wzsumo.control.regulated_pursuit import RegulatedSpec, regulated_steering
+from wzsumo.control.speed_profile import SpeedProfile
 from wzsumo.ego import Command, EgoState
 from wzsumo.errors import InputError
 from wzsumo.path import ReferencePath
@@ -40,14 +43,22 @@ class Controller:
     """Follows one path. Holds what a controller remembers: the place on the path and the memory of the PID.
 
     `cross_track_m` (positive: ego left of the path), `station_m` and `reached_end` tell of the state given to the last
-    `command`; before the first one they are 0, 0 and False.
+    `command`; before the first one they are 0, 0 and False. The law "regulated" keeps below the speed that the path's
+    curvature and `speed_limits` (n,) [m/s], one a pose, allow; the law "paper" knows one speed.
     """
 
-    def __init__(self, path: ReferencePath, vehicle: VehicleGeometry, spec: ControlSpec) -> None:
+    def __init__(
+        self, path: ReferencePath, vehicle: VehicleGeometry, spec: ControlSpec, *, speed_limits: npt.ArrayLike | None = None
+    ) -> None:
         self._vehicle, self._spec = vehicle, spec
-        self._frame = PathFrame.of(path)
-        self._position: PathPosition | None = None
         self._paper_pid, self._tuned_pid = PaperPidMemory(), TunedPidMemory()
+        self.follow(path, speed_limits=speed_limits)
+
+    def follow(self, path: ReferencePath, *, speed_limits: npt.ArrayLike | None = None) -> None:
+        """Go on along another path, as after a new plan; the memory of the PID stays."""
+        self._frame = PathFrame.of(path)
+        self._profile = SpeedProfile.of(path, spec=self._spec.regulated, speed_limits=speed_limits)
+        self._position: PathPosition | None = None
 
     @property
     def cross_track_m(self) -> float:
@@ -70,30 +81,40 @@ class Controller:
             raise InputError(f"dt={dt} s must be the time from one command to the next, above 0")
         near = self._position.segment if self._position else None
         self._position = self._frame.locate(state.x, state.y, near=near)
-        pedal = self._pedal(state, reference=self._spec.target_speed_mps, dt=dt, leader=leader)
+        reference = self._reference_speed(state.speed, station_m=self._position.station_m)
+        pedal = self._pedal(state.speed, reference=reference, dt=dt, leader=leader)
         return Command(throttle=max(pedal, 0.0), brake=max(-pedal, 0.0), steering=self._steering(state, self._position))
+
+    def _reference_speed(self, speed: float, *, station_m: float) -> float:
+        spec = self._spec
+        if spec.lateral == "paper":
+            return spec.target_speed_mps
+        ahead = station_m + speed * spec.regulated.speed_preview_s
+        return min(spec.target_speed_mps, self._profile.speed_at(station_m), self._profile.speed_at(ahead))
+
+    def _pedal(self, speed: float, *, reference: float, dt: float, leader: Leader | None) -> float:
+        spec = self._spec
+        ceiling = inf
+        if leader is not None and spec.car_following == "idm":
+            ceiling = following_acceleration(speed, leader=leader, spec=spec.idm)
+        if spec.longitudinal == "paper":
+            pedal, self._paper_pid = paper_pid(self._paper_pid, reference - speed, dt=dt, spec=spec.pid)
+            return min(pedal, pedal_from_acceleration(ceiling, spec=spec.pedals))
+        demand, self._tuned_pid = tuned_pid(
+            self._tuned_pid, speed=speed, reference=reference, dt=dt, ceiling=ceiling, spec=spec.tuned
+        )
+        return pedal_from_acceleration(demand, spec=spec.pedals)
 
     def _steering(self, state: EgoState, position: PathPosition) -> float:
         spec = self._spec
         if spec.lateral == "paper":
-            target = paper_target(self._frame, position, state=state, min_lookahead_m=spec.min_lookahead_m)
-            wanted = pursuit_steering(state, target, length_m=spec.pursuit_length_m)
+            wanted = paper_steering(
+                self._frame, position, state=state,
+                min_lookahead_m=spec.min_lookahead_m, pursuit_length_m=spec.pursuit_length_m,
+            )  # fmt: skip
         else:
-            target = self._frame.point_at(position.station_m + lookahead_m(state.speed, spec=spec.regulated))
-            wanted = pursuit_steering(state, target, length_m=self._vehicle.wheelbase_m)
+            wanted = regulated_steering(
+                self._frame, position, state=state, wheelbase_m=self._vehicle.wheelbase_m, spec=spec.regulated
+            )
         limit = radians(self._vehicle.max_steering_deg)
         return min(max(wanted, -limit), limit)
-
-    def _pedal(self, state: EgoState, *, reference: float, dt: float, leader: Leader | None) -> float:
-        spec = self._spec
-        ceiling = inf
-        if leader is not None and spec.car_following == "idm":
-            ceiling = following_acceleration(state.speed, leader=leader, spec=spec.idm)
-        highest = pedal_from_acceleration(ceiling, spec=spec.pedals)
-        if spec.longitudinal == "paper":
-            pedal, self._paper_pid = paper_pid(self._paper_pid, reference - state.speed, dt=dt, spec=spec.pid)
-            return min(pedal, highest)
-        demand, self._tuned_pid = tuned_pid(
-            self._tuned_pid, speed=state.speed, reference=reference, dt=dt, ceiling=ceiling, spec=spec.tuned
-        )
-        return pedal_from_acceleration(demand, spec=spec.pedals)

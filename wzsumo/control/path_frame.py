@@ -30,16 +30,18 @@ class PathPosition:
 
 @dataclass(frozen=True, kw_only=True)
 class PathFrame:
-    """Polyline of n points: coordinates, stations (n,) and unit directions of its n - 1 segments. World frame, metres."""
+    """Polyline of n points: coordinates, stations, curvature, and unit directions of its n - 1 segments. World, metres."""
 
     points: tuple[Point, ...]
     stations: tuple[float, ...]
     directions: tuple[Point, ...]
+    curvatures: tuple[float, ...]  # 1/m, at the points
 
     @classmethod
     def of(cls, path: ReferencePath) -> Self:
         """Frame of a path, points that repeat left out. Raises InputError where the path has no length."""
-        points = path.poses[distinct_poses(path), :2]
+        poses = path.poses[distinct_poses(path)]
+        points = poses[:, :2]
         if len(points) < 2:
             raise InputError(f"a path of {len(path.poses)} poses in one place has no direction; give two poses or more, apart")
         stations = arc_length(points)
@@ -48,6 +50,7 @@ class PathFrame:
             points=tuple((x, y) for x, y in points.tolist()),
             stations=tuple(stations.tolist()),
             directions=tuple((x, y) for x, y in directions.tolist()),
+            curvatures=tuple(ReferencePath(poses=poses).curvature.tolist()),
         )
 
     @property
@@ -73,10 +76,18 @@ class PathFrame:
 
     def point_at(self, station_m: float) -> Point:
         """World point at a station."""
-        segment = min(max(bisect_right(self.stations, station_m) - 1, 0), len(self.directions) - 1)
+        segment = self._segment_at(station_m)
         along = station_m - self.stations[segment]
         (x, y), (dx, dy) = self.points[segment], self.directions[segment]
         return x + along * dx, y + along * dy
+
+    def curvature_at(self, station_m: float) -> float:
+        """Curvature [1/m] at a station, positive to the left; none before the start and past the end."""
+        if not 0 <= station_m <= self.length_m:
+            return 0.0
+        segment = self._segment_at(station_m)
+        share = (station_m - self.stations[segment]) / self._length(segment)
+        return (1 - share) * self.curvatures[segment] + share * self.curvatures[segment + 1]
 
     def first_point_beyond(self, radius_m: float, *, x: float, y: float, segment: int) -> Point:
         """First path point after `segment` at `radius_m` or more from (x, y); past the end, the point at just that distance."""
@@ -91,6 +102,9 @@ class PathFrame:
     def _nearest_segment(self, x: float, y: float) -> int:
         distances = np.hypot(*(np.array(self.points) - (x, y)).T)
         return min(int(distances.argmin()), len(self.directions) - 1)
+
+    def _segment_at(self, station_m: float) -> int:
+        return min(max(bisect_right(self.stations, station_m) - 1, 0), len(self.directions) - 1)
 
     def _components(self, segment: int, x: float, y: float) -> Point:
         (px, py), (dx, dy) = self.points[segment], self.directions[segment]

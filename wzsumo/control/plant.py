@@ -93,6 +93,19 @@ def drag_mps2(speed: float, *, spec: PlantSpec) -> float:
     return spec.rolling_resistance * GRAVITY_MPS2 + 0.5 * AIR_DENSITY_KGPM3 * spec.drag_area_m2 * speed**2 / spec.mass_kg
 
 
+def slip_gradients(spec: PlantSpec) -> tuple[float, float]:
+    """Understeer gradient and rear slip [rad per m/s2] of a plant: what `RegulatedSpec` asks for. Kinematic: none.
+
+    In a steady bend each axle carries its share of m a_y: slip m a_y l_r / (L C_f) in front and m a_y l_f / (L C_r) behind;
+    understeer is their difference. Source: Rajamani 2012, Section 3.3.
+    """
+    if spec.body == "kinematic":
+        return 0.0, 0.0
+    front_slip = spec.mass_kg * (1 - spec.single_track.front_share) / spec.single_track.front_stiffness_nprad
+    rear_slip = spec.mass_kg * spec.single_track.front_share / spec.single_track.rear_stiffness_nprad
+    return front_slip - rear_slip, rear_slip
+
+
 def _body_step(motion: Motion, *, speed: float, steering: float, h: float, vehicle: VehicleGeometry, spec: PlantSpec) -> Motion:
     if spec.body == "kinematic":
         return kinematic_step(motion, speed=speed, steering=steering, h=h, wheelbase_m=vehicle.wheelbase_m)
