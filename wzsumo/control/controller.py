@@ -6,13 +6,13 @@ from typing import Literal
 import numpy.typing as npt
 from pydantic import Field
 
-from wzsumo.control.car_following import IdmSpec, Leader, following_acceleration
+from wzsumo.control.car_following import IdmSpec, Leader, acc_acceleration, idm_acceleration
 from wzsumo.control.path_frame import PathFrame, PathPosition
 from wzsumo.control.pedals import PedalSpec, pedal_from_acceleration
 from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, TunedPidMemory, TunedPidSpec, paper_pid, tuned_pid
 from wzsumo.control.pure_pursuit import paper_steering
 from wzsumo.control.regulated_pursuit import RegulatedSpec, regulated_steering
-from wzsumo.control.speed_profile import SpeedProfile
+from wzsumo.control.speed_profile import Pace, SpeedProfile
 from wzsumo.ego import Command, EgoState
 from wzsumo.errors import InputError
 from wzsumo.path import ReferencePath
@@ -25,7 +25,7 @@ class ControlSpec(Spec):
 
     lateral: Literal["paper", "regulated"] = "regulated"
     longitudinal: Literal["paper", "tuned"] = "tuned"
-    car_following: Literal["none", "idm"] = "idm"
+    car_following: Literal["none", "idm", "acc"] = "idm"
     target_speed_mps: float = Field(default=10.0, ge=0, le=60)  # Chen et al. 2022
     min_lookahead_m: float = Field(default=3.0, gt=0)  # ibid.; the law "paper"
     pursuit_length_m: float = Field(
@@ -81,24 +81,27 @@ class Controller:
             raise InputError(f"dt={dt} s must be the time from one command to the next, above 0")
         near = self._position.segment if self._position else None
         self._position = self._frame.locate(state.x, state.y, near=near)
-        reference = self._reference_speed(state.speed, station_m=self._position.station_m)
+        reference = self._reference(state.speed, station_m=self._position.station_m)
         pedal = self._pedal(state.speed, reference=reference, dt=dt, leader=leader)
         return Command(throttle=max(pedal, 0.0), brake=max(-pedal, 0.0), steering=self._steering(state, self._position))
 
-    def _reference_speed(self, speed: float, *, station_m: float) -> float:
+    def _reference(self, speed: float, *, station_m: float) -> Pace:
         spec = self._spec
+        cruise = Pace(speed=spec.target_speed_mps, acceleration=0.0)
         if spec.lateral == "paper":
-            return spec.target_speed_mps
+            return cruise
         ahead = station_m + speed * spec.regulated.speed_preview_s
-        return min(spec.target_speed_mps, self._profile.speed_at(station_m), self._profile.speed_at(ahead))
+        return min(cruise, self._profile.at(station_m), self._profile.at(ahead))  # by speed, their first field
 
-    def _pedal(self, speed: float, *, reference: float, dt: float, leader: Leader | None) -> float:
+    def _pedal(self, speed: float, *, reference: Pace, dt: float, leader: Leader | None) -> float:
         spec = self._spec
         ceiling = inf
         if leader is not None and spec.car_following == "idm":
-            ceiling = following_acceleration(speed, leader=leader, spec=spec.idm)
+            ceiling = idm_acceleration(speed, leader=leader, spec=spec.idm)
+        elif leader is not None and spec.car_following == "acc":
+            ceiling = acc_acceleration(speed, leader=leader, spec=spec.idm)
         if spec.longitudinal == "paper":
-            pedal, self._paper_pid = paper_pid(self._paper_pid, reference - speed, dt=dt, spec=spec.pid)
+            pedal, self._paper_pid = paper_pid(self._paper_pid, reference.speed - speed, dt=dt, spec=spec.pid)
             return min(pedal, pedal_from_acceleration(ceiling, spec=spec.pedals))
         demand, self._tuned_pid = tuned_pid(
             self._tuned_pid, speed=speed, reference=reference, dt=dt, ceiling=ceiling, spec=spec.tuned

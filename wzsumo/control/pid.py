@@ -9,6 +9,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from wzsumo.control.speed_profile import Pace
 from wzsumo.spec import Spec
 
 
@@ -67,20 +68,22 @@ class TunedPidMemory:
 
 
 def tuned_pid(
-    memory: TunedPidMemory, *, speed: float, reference: float, dt: float, ceiling: float, spec: TunedPidSpec
+    memory: TunedPidMemory, *, speed: float, reference: Pace, dt: float, ceiling: float, spec: TunedPidSpec
 ) -> tuple[float, TunedPidMemory]:
-    """Demanded acceleration [m/s2] at a speed and a reference speed [m/s], never above `ceiling`, and the next memory.
+    """Demanded acceleration [m/s2] at a speed [m/s] and a reference, never above `ceiling`, and the next memory.
 
-    The derivative is taken of the measured speed, so a step of the reference gives no kick. The integral stands still while
-    the output is at a limit and the error would drive it further (conditional integration, Astrom & Hagglund 1995).
+    The acceleration of the reference is fed forward: without it the integral fills while braking for a bend, and the car
+    goes on braking in it. The derivative counts no step of the reference's speed, which would kick. The integral stands
+    still while the output is at a limit and the error would drive it further (conditional integration, Astrom & Hagglund
+    1995).
     """
-    error = reference - speed
+    error = reference.speed - speed
     measured = 0.0 if memory.speed is None else (speed - memory.speed) / dt
     acceleration = memory.acceleration + (1 - exp(-dt / spec.derivative_filter_s)) * (measured - memory.acceleration)
     integral = memory.integral + spec.ki_1ps2 * error * dt
     highest = min(spec.max_acceleration_mps2, ceiling)
     lowest = min(-spec.max_deceleration_mps2, ceiling)
-    wanted = spec.kp_1ps * error + integral - spec.kd * acceleration
+    wanted = reference.acceleration + spec.kp_1ps * error + integral + spec.kd * (reference.acceleration - acceleration)
     demand = min(max(wanted, lowest), highest)
     if (wanted > highest and error > 0) or (wanted < lowest and error < 0):
         integral = memory.integral

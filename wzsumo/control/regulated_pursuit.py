@@ -54,10 +54,6 @@ def predicted_state(state: EgoState, *, wheelbase_m: float, spec: RegulatedSpec)
     """State after the prediction time with the steering and the speed of now. Reference point: centre of the REAR AXLE."""
     curvature = tan(state.steering) / (wheelbase_m + spec.understeer_rad_per_mps2 * state.speed**2)
     distance = state.speed * spec.prediction_s
-    mean = state.heading + distance * curvature / 2
-    return replace(
-        state,
-        x=state.x + distance * cos(mean),
-        y=state.y + distance * sin(mean),
-        heading=state.heading + distance * curvature,
-    )
+    turn = distance * curvature
+    course = state.heading + turn / 2 - spec.rear_slip_rad_per_mps2 * state.speed**2 * curvature
+    return replace(state, x=state.x + distance * cos(course), y=state.y + distance * sin(course), heading=state.heading + turn)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,13 @@ from wzsumo.frames import FloatArray, arc_length
 from wzsumo.path import ReferencePath
 
 _CURVATURE_WINDOW_M = 3.0  # curvature is the mean over this length: the car does not feel what a single pose jitters
+
+
+class Pace(NamedTuple):
+    """A speed [m/s] to keep and its rate of change [m/s2]."""
+
+    speed: float
+    acceleration: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,9 +44,14 @@ class SpeedProfile:
         braked = squares + 2 * spec.slowdown_mps2 * stations
         return cls(stations=stations, squares=np.minimum.accumulate(braked[::-1])[::-1] - 2 * spec.slowdown_mps2 * stations)
 
-    def speed_at(self, station_m: float) -> float:
-        """Highest speed [m/s] at a station; before the start and past the end, that of the nearer end."""
-        return sqrt(max(float(np.interp(station_m, self.stations, self.squares)), 0.0))
+    def at(self, station_m: float) -> Pace:
+        """Highest speed at a station and the acceleration that goes with it; before the start and past the end, held."""
+        speed = sqrt(max(float(np.interp(station_m, self.stations, self.squares)), 0.0))
+        if not self.stations[0] <= station_m < self.stations[-1]:
+            return Pace(speed=speed, acceleration=0.0)
+        i = int(np.searchsorted(self.stations, station_m, side="right")) - 1
+        slope = (self.squares[i + 1] - self.squares[i]) / (self.stations[i + 1] - self.stations[i])
+        return Pace(speed=speed, acceleration=float(slope) / 2)  # v dv/ds
 
 
 def clearance_speed_limits(
