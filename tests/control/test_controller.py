@@ -16,7 +16,7 @@ from wzsumo.path import ReferencePath
 
 PAPER = ControlSpec(lateral="paper", longitudinal="paper", car_following="none")
 PATHS = {"work zone": work_zone_path(), "curves of 300 m": curved_road_path()}
-LATE = {"steering_lag_s": 0.2, "command_delay_s": 0.1}
+LATE = {"steering_lag_s": 0.2, "command_delay_s": 0.1, "max_steering_rate_radps": 0.4}
 
 
 def regulated(plant, *, speed, **rules):
@@ -58,7 +58,7 @@ def test_regulated_law_comes_back_from_beside_the_path_and_settles(body, speed):
 
 
 def test_regulated_law_stands_twice_the_delay_of_the_bar():
-    plant = PlantSpec(body="single_track", steering_lag_s=0.2, command_delay_s=0.2)
+    plant = PlantSpec(body="single_track", **LATE | {"command_delay_s": 0.2})
     run = drive(PATHS["work zone"], regulated(plant, speed=24.0), plant, speed=24.0)
     assert np.abs(run["cross_track"]).max() < 0.3
     assert np.rad2deg(run["steering"][run["station"] > 845].std()) < 0.1
@@ -67,6 +67,17 @@ def test_regulated_law_stands_twice_the_delay_of_the_bar():
 def test_paper_law_oscillates_where_steering_lags_and_commands_are_late():
     run = drive(PATHS["work zone"], PAPER, PlantSpec(**LATE), speed=10.0, time_limit=60)
     assert np.abs(run["cross_track"]).max() > 1.0
+
+
+def test_paper_law_swings_out_from_beside_the_path_where_the_steering_turns_as_slowly_as_a_cars_does():
+    path = ReferencePath(poses=np.column_stack([np.arange(0, 300, 0.5), np.zeros((600, 2))]))
+    swings = {
+        rate: np.abs(drive(path, PAPER, PlantSpec(max_steering_rate_radps=rate), speed=10.0, offset=0.2)["cross_track"]).max()
+        for rate in (None, 0.4)
+    }
+    assert swings[None] == pytest.approx(0.2)
+    assert swings[0.4] > 3.0
+    assert np.abs(drive(path, ControlSpec(), PlantSpec(**LATE), speed=10.0, offset=0.2)["cross_track"]).max() < 0.21
 
 
 @pytest.mark.parametrize("radius", [60.0, -150.0])

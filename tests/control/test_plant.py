@@ -69,7 +69,7 @@ def test_single_track_answers_a_step_of_the_steering_as_the_linear_equations_do(
         ]
 
     oracle = solve_ivp(derivatives, (0, 2), [0, 0, 0, 0, 0], rtol=1e-9, t_eval=np.arange(0, 2.001, 0.1)).y
-    spec = PlantSpec(body="single_track", max_steering_rate_radps=100, single_track={"friction": 50.0}, **FREE)
+    spec = PlantSpec(body="single_track", single_track={"friction": 50.0}, **FREE)
     states = held(Command(throttle=0, brake=0, steering=steering), spec, seconds=2, dt=0.1, speed=speed, steering=steering)[1:]
     # Backward Euler at 0.01 s is up to 4 % late in a mode of 0.1 s.
     np.testing.assert_allclose([state.yaw_rate for state in states], oracle[1, 1:], atol=0.04 * oracle[1].max())
@@ -91,14 +91,15 @@ def test_single_track_cannot_turn_harder_than_friction_allows():
 def test_single_track_at_walking_pace_is_the_kinematic_bicycle(speed):
     command = Command(throttle=0, brake=0, steering=0.4)
     slow, rolling = (
-        held(command, PlantSpec(body=body, **FREE), seconds=4, speed=speed)[-1] for body in ("single_track", "kinematic")
+        held(command, PlantSpec(body=body, max_steering_rate_radps=0.4, **FREE), seconds=4, speed=speed)[-1]
+        for body in ("single_track", "kinematic")
     )
     assert (slow.x, slow.y) == pytest.approx((rolling.x, rolling.y), abs=0.05)
 
 
 @pytest.mark.parametrize("lag", [0.1, 0.5])
 def test_steering_lag_closes_all_but_one_part_in_e_of_the_way_in_its_time(lag):
-    spec = PlantSpec(steering_lag_s=lag, max_steering_rate_radps=100)
+    spec = PlantSpec(steering_lag_s=lag)
     state = held(Command(throttle=0, brake=0, steering=0.2), spec, seconds=lag)[-1]
     assert state.steering == pytest.approx(0.2 * (1 - math.exp(-1)))
 
@@ -111,7 +112,7 @@ def test_steering_turns_no_faster_than_its_rate_and_no_further_than_its_stop():
 
 @pytest.mark.parametrize(("delay", "dt"), [(0.0, 0.05), (0.1, 0.05), (0.13, 0.05), (0.25, 0.1), (0.02, 0.05)])
 def test_a_command_acts_after_the_delay_and_not_before(delay, dt):
-    spec = PlantSpec(command_delay_s=delay, max_steering_rate_radps=1e6)
+    spec = PlantSpec(command_delay_s=delay)
     state, time, turned = EgoState(x=0, y=0, heading=0, speed=10.0), 0.0, None
     for k in range(20):
         steering = 0.1 if k >= 5 else 0.0  # the wheel is wanted elsewhere from 5 dt on

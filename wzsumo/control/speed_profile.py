@@ -1,5 +1,6 @@
 """How fast the path may be driven: by its curvature, by limits from outside, and by what lies ahead of each place."""
 
+from bisect import bisect_right
 from dataclasses import dataclass
 from math import inf, sqrt
 from typing import NamedTuple, Self
@@ -23,12 +24,12 @@ class Pace(NamedTuple):
     acceleration: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class SpeedProfile:
     """Squares (n,) [m2/s2] of the highest speed at stations (n,) [m]: linear in between, which is constant deceleration."""
 
-    stations: FloatArray
-    squares: FloatArray
+    stations: tuple[float, ...]
+    squares: tuple[float, ...]
 
     @classmethod
     def of(cls, path: ReferencePath, *, spec: RegulatedSpec, speed_limits: npt.ArrayLike | None) -> Self:
@@ -42,16 +43,19 @@ class SpeedProfile:
             squares[-1] = 0.0
         # v_i^2 <= v_j^2 + 2 b (s_j - s_i) for every j ahead: a running minimum from the end.
         braked = squares + 2 * spec.slowdown_mps2 * stations
-        return cls(stations=stations, squares=np.minimum.accumulate(braked[::-1])[::-1] - 2 * spec.slowdown_mps2 * stations)
+        squares = np.minimum.accumulate(braked[::-1])[::-1] - 2 * spec.slowdown_mps2 * stations
+        return cls(stations=tuple(stations.tolist()), squares=tuple(np.maximum(squares, 0.0).tolist()))
 
     def at(self, station_m: float) -> Pace:
         """Highest speed at a station and the acceleration that goes with it; before the start and past the end, held."""
-        speed = sqrt(max(float(np.interp(station_m, self.stations, self.squares)), 0.0))
-        if not self.stations[0] <= station_m < self.stations[-1]:
-            return Pace(speed=speed, acceleration=0.0)
-        i = int(np.searchsorted(self.stations, station_m, side="right")) - 1
+        if station_m < 0:
+            return Pace(speed=sqrt(self.squares[0]), acceleration=0.0)
+        if station_m >= self.stations[-1]:
+            return Pace(speed=sqrt(self.squares[-1]), acceleration=0.0)
+        i = bisect_right(self.stations, station_m) - 1
         slope = (self.squares[i + 1] - self.squares[i]) / (self.stations[i + 1] - self.stations[i])
-        return Pace(speed=speed, acceleration=float(slope) / 2)  # v dv/ds
+        square = self.squares[i] + slope * (station_m - self.stations[i])
+        return Pace(speed=sqrt(max(square, 0.0)), acceleration=slope / 2)  # v dv/ds
 
 
 def clearance_speed_limits(
