@@ -88,6 +88,7 @@ def tracking() -> None:
     )
     for name, path in PATHS.items():
         cases = [("paper", "ideal", PlantSpec(), 10.0, PAPER), ("paper", "late", PlantSpec(**LATE), 10.0, PAPER)]
+        cases += [("regulated", "ideal", PlantSpec(), speed, regulated(PlantSpec(), speed)) for speed in (10.0, 24.0)]
         for body, speed in product(("kinematic", "single_track"), (10.0, 24.0)):
             plant = PlantSpec.model_validate({"body": body, **LATE})
             cases.append(("regulated", f"late {body}", plant, speed, regulated(plant, speed)))
@@ -160,6 +161,22 @@ def speed_control() -> None:
         print(f"{unit:6} {base:9}  {lag:17}  {log['speed'][-200:].mean():32.2f}  {log['pedal'][-200:].std():9.3f}")
 
 
+def tuned_gains() -> None:
+    """Overshoot from rest to 24 m/s and undershoot from 24 to 10 m/s, the worst over power trains; time to 0.1 m/s."""
+    print("\ntuned PID: kp 1/s  ki 1/s2   kd   overshoot m/s  undershoot m/s  settled s")
+    straight = ReferencePath(poses=np.array([[0.0, 0.0, 0.0], [5000.0, 0.0, 0.0]]))
+    for kp, ki, kd in product((0.8, 1.0, 1.2), (0.1, 0.2, 0.3), (0.0, 0.1, 0.3)):
+        gains, over, under, settled = {"kp_1ps": kp, "ki_1ps2": ki, "kd": kd}, [], [], []
+        for lag in (0.3, 0.5):
+            plant = PlantSpec(powertrain_lag_s=lag, command_delay_s=0.1)
+            for start, target in ((0.0, 24.0), (24.0, 10.0)):
+                control = ControlSpec.model_validate({"target_speed_mps": target, "tuned": gains})
+                speed = drive(straight, control, plant, speed=start, seconds=40)["speed"]
+                (over if start == 0 else under).append(speed.max() - target if start == 0 else target - speed.min())
+                settled.append((np.flatnonzero(np.abs(speed - target) > 0.1)[-1] + 1) * DT)
+        print(f"{kp:16.1f} {ki:8.1f} {kd:6.1f} {max(over):12.2f} {max(under):15.2f} {max(settled):11.1f}")
+
+
 def median_us(action: Callable[[], object], *, repeats: int = 11, calls: int = 300) -> float:
     """Median over repeats of the time of one call [us]."""
     times = []
@@ -209,4 +226,5 @@ if __name__ == "__main__":
     margins()
     noise()
     speed_control()
+    tuned_gains()
     cost()

@@ -28,9 +28,7 @@ class ControlSpec(Spec):
     car_following: Literal["none", "idm", "acc"] = "idm"
     target_speed_mps: float = Field(default=10.0, ge=0, le=60)  # Chen et al. 2022
     min_lookahead_m: float = Field(default=3.0, gt=0)  # ibid.; the law "paper"
-    pursuit_length_m: float = Field(
-        default=4.6391, gt=0
-    )  # ibid.: the car's LENGTH in the place of the wheelbase; the law "paper"
+    pursuit_length_m: float = Field(default=4.6391, gt=0)  # ibid.: the LENGTH, used as wheelbase; the law "paper"
     goal_tolerance_m: float = Field(default=0.1, ge=0)  # the end of the path counts as reached this far before it
     regulated: RegulatedSpec = RegulatedSpec()
     pid: PaperPidSpec = PaperPidSpec()

@@ -10,6 +10,7 @@ from math import copysign, hypot, sqrt
 from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 
 from wzsumo.errors import InputError
 from wzsumo.frames import arc_length
@@ -120,7 +121,7 @@ class PathFrame:
         )
 
 
-def distinct_poses(path: ReferencePath) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def distinct_poses(path: ReferencePath) -> npt.NDArray[np.bool_]:
     """Mask (n,) of the poses of a path that are not in the place of the pose before."""
     steps = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
     return np.concatenate([[True], steps > _MIN_STEP_M])

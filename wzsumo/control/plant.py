@@ -78,7 +78,7 @@ def advance_ego(state: EgoState, command: Command, *, dt: float, vehicle: Vehicl
             target = acceleration_from_pedals(in_force.throttle, in_force.brake, spec=spec.pedals)
             pushed = drive + (target - drive) * _share(h, spec.powertrain_lag_s)
         acceleration = _net_acceleration(speed, drive=pushed, h=h, spec=spec)
-        reached = speed + acceleration * h
+        reached = max(speed + acceleration * h, 0.0)  # rounding may overshoot standstill
         motion = _body_step(
             motion, speed=(speed + reached) / 2, steering=(steering + turned) / 2, h=h, vehicle=vehicle, spec=spec
         )

@@ -24,7 +24,8 @@ def paper_steering(
 ) -> float:
     """Steering angle [rad] to the first path point, from the vehicle on, that is `min_lookahead_m` or more away.
 
-    l_d is the distance to that point, not the minimum. Source: Chen et al. 2022.
+    l_d is the distance to that point, not the minimum: where the poses are far apart, so is the target. Source: Chen et al.
+    2022.
     """
     target = frame.first_point_beyond(min_lookahead_m, x=state.x, y=state.y, segment=position.segment)
     return pursuit_steering(state, target, length_m=pursuit_length_m)
