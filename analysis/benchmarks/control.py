@@ -14,9 +14,9 @@ from itertools import product
 
 import numpy as np
 
-from wzsumo.control.controller import Controller, ControlSpec
+from wzsumo.control.controller import Controller, ControlSpec, allow_for_slip
 from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, paper_pid
-from wzsumo.control.plant import PlantSpec, advance_ego, slip_gradients
+from wzsumo.control.plant import PlantSpec, advance_ego
 from wzsumo.ego import Command, EgoState
 from wzsumo.path import ReferencePath
 from wzsumo.vehicle import VehicleGeometry
@@ -52,11 +52,10 @@ def curved_path() -> ReferencePath:
 PATHS = {"work zone": work_zone_path(), "R 300 m": curved_path()}
 
 
-def regulated(plant: PlantSpec, speed: float, *, slip_known: float = 1.0, **rules: float) -> ControlSpec:
-    """The regulated law that knows a share of the plant's slip."""
-    understeer, rear_slip = slip_gradients(plant)
-    slips = {"understeer_rad_per_mps2": slip_known * understeer, "rear_slip_rad_per_mps2": slip_known * rear_slip}
-    return ControlSpec.model_validate({"target_speed_mps": speed, "car_following": "none", "regulated": slips | rules})
+def regulated(plant: PlantSpec, speed: float, *, aware: bool = True, **rules: float) -> ControlSpec:
+    """The regulated law, aware of the plant's slip or not."""
+    spec = ControlSpec.model_validate({"target_speed_mps": speed, "car_following": "none", "regulated": rules})
+    return allow_for_slip(spec, plant=plant) if aware else spec
 
 
 def drive(
@@ -93,7 +92,7 @@ def tracking() -> None:
             plant = PlantSpec.model_validate({"body": body, **LATE})
             cases.append(("regulated", f"late {body}", plant, speed, regulated(plant, speed)))
             if body == "single_track":
-                unaware = regulated(plant, speed, slip_known=0.0)
+                unaware = regulated(plant, speed, aware=False)
                 cases.append(("regulated", f"late {body}, unaware", plant, speed, unaware))
         for law, car, plant, speed, control in cases:
             log = drive(path, control, plant, speed=speed)

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wzsumo.control.car_following import Leader
-from wzsumo.control.controller import Controller, ControlSpec
-from wzsumo.control.plant import PlantSpec, slip_gradients
+from wzsumo.control.controller import Controller, ControlSpec, allow_for_slip
+from wzsumo.control.plant import PlantSpec
 from wzsumo.ego import EgoState
-from wzsumo.errors import InputError
+from wzsumo.errors import InputError, SpecError
 from wzsumo.frames import advance, to_world
 from wzsumo.path import ReferencePath
 
@@ -19,11 +19,8 @@ PATHS = {"work zone": work_zone_path(), "curves of 300 m": curved_road_path()}
 LATE = {"steering_lag_s": 0.2, "command_delay_s": 0.1, "max_steering_rate_radps": 0.4}
 
 
-def regulated(plant, *, speed, **rules):
-    """Control that knows how much the tyres of its plant slip."""
-    understeer, rear_slip = slip_gradients(plant)
-    slips = {"understeer_rad_per_mps2": understeer, "rear_slip_rad_per_mps2": rear_slip}
-    return ControlSpec(target_speed_mps=speed, regulated=slips | rules)
+def regulated(plant, *, speed):
+    return allow_for_slip(ControlSpec(target_speed_mps=speed), plant=plant)
 
 
 @pytest.mark.parametrize("path", PATHS)
@@ -199,3 +196,17 @@ def test_a_control_step_of_no_time_is_refused(dt):
     controller = Controller(straight_path(50.0), CAR, ControlSpec())
     with pytest.raises(InputError, match="from one command to the next, above 0"):
         controller.command(EgoState(x=0, y=0, heading=0, speed=5.0), dt=dt, leader=None)
+
+
+def test_allowing_for_slip_takes_it_from_the_plant_and_keeps_the_rest():
+    spec = ControlSpec(target_speed_mps=20.0, regulated={"lookahead_time_s": 0.9})
+    aware = allow_for_slip(spec, plant=PlantSpec(body="single_track"))
+    # Rajamani's sedan: rear slip m l_f / (L C_r), understeer m (l_r - l_f) / (L C).
+    assert aware.regulated.rear_slip_rad_per_mps2 == pytest.approx(1573 * 0.41 / 160e3)
+    assert aware.regulated.understeer_rad_per_mps2 == pytest.approx(1573 * 0.18 / 160e3)
+    assert allow_for_slip(aware, plant=PlantSpec()) == spec
+
+
+def test_a_plant_that_oversteers_is_refused():
+    with pytest.raises(SpecError, match="slip of the plant: understeer_rad_per_mps2"):
+        allow_for_slip(ControlSpec(), plant=PlantSpec(body="single_track", single_track={"front_share": 0.6}))

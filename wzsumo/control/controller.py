@@ -10,13 +10,14 @@ from wzsumo.control.car_following import IdmSpec, Leader, acc_acceleration, idm_
 from wzsumo.control.path_frame import PathFrame, PathPosition
 from wzsumo.control.pedals import PedalSpec, pedal_from_acceleration
 from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, TunedPidMemory, TunedPidSpec, paper_pid, tuned_pid
+from wzsumo.control.plant import PlantSpec, slip_gradients
 from wzsumo.control.pure_pursuit import paper_steering
 from wzsumo.control.regulated_pursuit import RegulatedSpec, regulated_steering
 from wzsumo.control.speed_profile import Pace, SpeedProfile
 from wzsumo.ego import Command, EgoState
 from wzsumo.errors import InputError
 from wzsumo.path import ReferencePath
-from wzsumo.spec import Spec
+from wzsumo.spec import Spec, parse_spec
 from wzsumo.vehicle import VehicleGeometry
 
 
@@ -35,6 +36,14 @@ class ControlSpec(Spec):
     tuned: TunedPidSpec = TunedPidSpec()
     idm: IdmSpec = IdmSpec()
     pedals: PedalSpec = PedalSpec()
+
+
+def allow_for_slip(spec: ControlSpec, *, plant: PlantSpec) -> ControlSpec:
+    """The same spec with a regulated law that knows how much the tyres of `plant` slip. Raises SpecError if it oversteers."""
+    understeer, rear_slip = slip_gradients(plant)
+    slips = {"understeer_rad_per_mps2": understeer, "rear_slip_rad_per_mps2": rear_slip}
+    regulated = parse_spec(RegulatedSpec, spec.regulated.model_dump() | slips, source="slip of the plant")
+    return spec.model_copy(update={"regulated": regulated})
 
 
 class Controller:

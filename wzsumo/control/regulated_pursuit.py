@@ -14,7 +14,8 @@ from wzsumo.spec import Spec
 class RegulatedSpec(Spec):
     """Regulated pure pursuit, after Macenski et al. 2023. Defaults: analysis/benchmarks/control.py measures them.
 
-    The two slips are the car's answer to lateral acceleration, `plant.slip_gradients`; 0 is a car whose tyres do not slip.
+    The two slips are the car's answer to lateral acceleration, and `controller.allow_for_slip` takes them from a plant; 0 is a
+    car whose tyres do not slip.
     """
 
     lookahead_time_s: float = Field(default=0.6, gt=0)  # of 0.4 to 1.2 s: least error that still takes noise of position
