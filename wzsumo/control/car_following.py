@@ -1,0 +1,74 @@
+"""Car following, so that the ego keeps its gap instead of running into a queue.
+
+The intelligent driver model brakes as in an emergency when someone cuts in closely at nearly its own speed. The adaptive
+cruise control built on it does not: it trusts that the leader will go on accelerating as it does now.
+"""
+
+from dataclasses import dataclass
+from math import inf, isfinite, sqrt, tanh
+
+from pydantic import Field
+
+from wzsumo.errors import InputError
+from wzsumo.spec import Spec
+
+
+class IdmSpec(Spec):
+    """Parameters of the intelligent driver model: those of the adaptive cruise control in Kesting, Treiber & Helbing 2010."""
+
+    time_gap_s: float = Field(default=1.5, gt=0)  # T, ibid., Table 1
+    standstill_gap_m: float = Field(default=2.0, gt=0)  # s0, ibid.
+    acceleration_mps2: float = Field(default=1.4, gt=0)  # a, ibid.
+    comfortable_deceleration_mps2: float = Field(default=2.0, gt=0)  # b, ibid.
+    coolness: float = Field(default=0.99, ge=0, le=1)  # c, ibid.; of the adaptive cruise control alone
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leader:
+    """The vehicle ahead on the ego's way."""
+
+    gap_m: float  # front bumper of the ego to rear bumper of the leader; 0 or less: they touch
+    speed_mps: float  # along the ego's way
+    acceleration_mps2: float = 0.0  # where it is not known, the leader is taken to keep its speed
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.gap_m) and isfinite(self.speed_mps) and isfinite(self.acceleration_mps2)):
+            raise InputError(f"{self} must have finite numbers; give None where there is no leader")
+
+
+def idm_acceleration(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
+    """Highest acceleration [m/s2] that the intelligent driver model allows behind `leader`; -inf where the gap is used up.
+
+    The model's free-road term is left to the speed controller, which takes the lower of both demands (desired speed -> inf
+    here): the gap in steady following is then exactly s0 + v T. Source: Treiber, Hennecke & Helbing 2000, Equations 3 and 4.
+    """
+    if leader.gap_m <= 0:
+        return -inf
+    closing = speed * (speed - leader.speed_mps) / (2 * sqrt(spec.acceleration_mps2 * spec.comfortable_deceleration_mps2))
+    desired_gap = spec.standstill_gap_m + max(0.0, speed * spec.time_gap_s + closing)
+    share = desired_gap / leader.gap_m
+    return spec.acceleration_mps2 * (1 - share * share)  # a product goes to inf where a power would raise
+
+
+def acc_acceleration(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
+    """Highest acceleration [m/s2] that the adaptive cruise control allows behind `leader`; -inf where the gap is used up.
+
+    Where the IDM brakes harder than the leader's present acceleration calls for (CAH), only the share 1 - c of it and at
+    most b beyond the CAH are left. Source: Kesting, Treiber & Helbing 2010.
+    """
+    idm = idm_acceleration(speed, leader=leader, spec=spec)
+    if leader.gap_m <= 0:
+        return idm
+    calm, comfortable = constant_acceleration_heuristic(speed, leader=leader, spec=spec), spec.comfortable_deceleration_mps2
+    if idm >= calm:
+        return idm
+    return (1 - spec.coolness) * idm + spec.coolness * (calm + comfortable * tanh((idm - calm) / comfortable))
+
+
+def constant_acceleration_heuristic(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
+    """Acceleration [m/s2] that just avoids a crash (gap > 0) if the leader goes on as it does. Source: ibid."""
+    theirs = min(leader.acceleration_mps2, spec.acceleration_mps2)
+    stops_first = leader.speed_mps * (speed - leader.speed_mps) <= -2 * leader.gap_m * theirs
+    if stops_first and theirs != 0:
+        return speed**2 * theirs / (leader.speed_mps**2 - 2 * leader.gap_m * theirs)
+    return theirs - max(speed - leader.speed_mps, 0.0) ** 2 / (2 * leader.gap_m)
