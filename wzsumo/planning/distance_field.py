@@ -1,0 +1,64 @@
+"""How far each cell is from the nearest blocked one: exact, clipped, what lies outside the map counts as blocked.
+
+The distance runs from the CENTRE of a cell to the nearest point of a blocked cell's SQUARE. A point anywhere in a cell is
+therefore at most half a cell diagonal nearer than the field says.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+FieldArray = npt.NDArray[np.float32]
+
+
+def distance_field(p_occupied: FieldArray, *, max_p_occupied: float, resolution: float, limit_m: float) -> FieldArray:
+    """Distances (rows, cols) [m] to the nearest cell with p_occupied >= max_p_occupied, 0 in such a cell, at most `limit_m`.
+
+    Separable squared distances: along y first, then the lower envelope along x inside a window as wide as the limit.
+    Source: Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012 (the separation, not their scan).
+    """
+    reach = max(1, math.ceil(limit_m / resolution + 0.5))
+    return _distance_field(
+        np.ascontiguousarray(p_occupied), np.float32(max_p_occupied), np.float32(resolution), reach, np.float32(limit_m)
+    )
+
+
+@njit(cache=True, error_model="numpy", fastmath=True)  # type: ignore[untyped-decorator]
+def _distance_field(
+    p_occupied: FieldArray, max_p_occupied: np.float32, resolution: np.float32, reach: int, limit_m: np.float32
+) -> FieldArray:
+    rows, cols = p_occupied.shape
+    squared = np.empty((rows, cols), dtype=np.float32)
+    far = np.float32(reach) + np.float32(0.5)
+    one, half = np.float32(1.0), np.float32(0.5)
+    # Up and down the columns: 0 in a blocked cell, 1/2 beside it, then one more a row. Row -1 is outside, so blocked.
+    above = np.full(cols, half, dtype=np.float32)
+    for row in range(rows):
+        for col in range(cols):
+            steps = np.float32(0.0) if p_occupied[row, col] >= max_p_occupied else above[col]
+            squared[row, col] = steps
+            above[col] = min(max(steps + one, one) - (half if steps == np.float32(0.0) else np.float32(0.0)), far)
+    above[:] = half
+    for row in range(rows - 1, -1, -1):
+        for col in range(cols):
+            steps = min(squared[row, col], above[col])
+            squared[row, col] = steps * steps
+            above[col] = min(steps + (half if steps == np.float32(0.0) else one), far)
+    field = np.empty((rows, cols), dtype=np.float32)
+    line = np.full(cols + 2 * reach, far * far, dtype=np.float32)
+    # One blocked cell beyond each end of the row stands for the outside.
+    line[reach - 1] = line[reach + cols] = np.float32(0.0)
+    best = np.empty(cols, dtype=np.float32)
+    for row in range(rows):
+        best[:] = squared[row]
+        line[reach : reach + cols] = squared[row]
+        for shift in range(1, reach + 1):
+            away = (np.float32(shift) - half) * (np.float32(shift) - half)
+            left, right = line[reach - shift : reach - shift + cols], line[reach + shift : reach + shift + cols]
+            for col in range(cols):
+                best[col] = min(best[col], min(left[col], right[col]) + away)
+        for col in range(cols):
+            field[row, col] = min(np.sqrt(best[col]) * resolution, limit_m)
+    return field
