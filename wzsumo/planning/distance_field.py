@@ -16,7 +16,7 @@ FieldArray = npt.NDArray[np.float32]
 def distance_field(p_occupied: FieldArray, *, max_p_occupied: float, resolution: float, limit_m: float) -> FieldArray:
     """Distances (rows, cols) [m] to the nearest cell with p_occupied >= max_p_occupied, 0 in such a cell, at most `limit_m`.
 
-    Separable squared distances: along y first, then the lower envelope along x inside a window as wide as the limit.
+    Squared distances are separable: along y first, then along x the least sum inside a window as wide as the limit.
     Source: Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012 (the separation, not their scan).
     """
     reach = max(1, math.ceil(limit_m / resolution + 0.5))
@@ -25,35 +25,37 @@ def distance_field(p_occupied: FieldArray, *, max_p_occupied: float, resolution:
     )
 
 
+# fastmath lets the compiler turn the loops over a row into vector code; no value in them is infinite or nan.
 @njit(cache=True, error_model="numpy", fastmath=True)  # type: ignore[untyped-decorator]
-def _distance_field(
+def _distance_field(  # noqa: C901
     p_occupied: FieldArray, max_p_occupied: np.float32, resolution: np.float32, reach: int, limit_m: np.float32
 ) -> FieldArray:
     rows, cols = p_occupied.shape
-    squared = np.empty((rows, cols), dtype=np.float32)
-    far = np.float32(reach) + np.float32(0.5)
-    one, half = np.float32(1.0), np.float32(0.5)
-    # Up and down the columns: 0 in a blocked cell, 1/2 beside it, then one more a row. Row -1 is outside, so blocked.
-    above = np.full(cols, half, dtype=np.float32)
+    squared, field = np.empty((rows, cols), dtype=np.float32), np.empty((rows, cols), dtype=np.float32)
+    far, half, one, none = np.float32(reach + 0.5), np.float32(0.5), np.float32(1.0), np.float32(0.0)
+    # Up and down the columns: 0 in a blocked cell, 1/2 beside it, then one more a row. Beyond both ends lies a blocked row.
+    nearest = np.empty(cols, dtype=np.float32)
+    for col in range(cols):
+        nearest[col] = none
     for row in range(rows):
         for col in range(cols):
-            steps = np.float32(0.0) if p_occupied[row, col] >= max_p_occupied else above[col]
-            squared[row, col] = steps
-            above[col] = min(max(steps + one, one) - (half if steps == np.float32(0.0) else np.float32(0.0)), far)
-    above[:] = half
+            beside = nearest[col] + (half if nearest[col] == none else one)
+            nearest[col] = none if p_occupied[row, col] >= max_p_occupied else min(beside, far)
+            squared[row, col] = nearest[col]
+    for col in range(cols):
+        nearest[col] = none
     for row in range(rows - 1, -1, -1):
         for col in range(cols):
-            steps = min(squared[row, col], above[col])
-            squared[row, col] = steps * steps
-            above[col] = min(steps + (half if steps == np.float32(0.0) else one), far)
-    field = np.empty((rows, cols), dtype=np.float32)
-    line = np.full(cols + 2 * reach, far * far, dtype=np.float32)
-    # One blocked cell beyond each end of the row stands for the outside.
-    line[reach - 1] = line[reach + cols] = np.float32(0.0)
-    best = np.empty(cols, dtype=np.float32)
+            beside = nearest[col] + (half if nearest[col] == none else one)
+            nearest[col] = min(squared[row, col], beside)
+            squared[row, col] = nearest[col] * nearest[col]
+    line, best = np.empty(cols + 2 * reach, dtype=np.float32), np.empty(cols, dtype=np.float32)
+    for col in range(cols + 2 * reach):
+        line[col] = far * far
+    line[reach - 1] = line[reach + cols] = none
     for row in range(rows):
-        best[:] = squared[row]
-        line[reach : reach + cols] = squared[row]
+        for col in range(cols):
+            best[col] = line[reach + col] = squared[row, col]
         for shift in range(1, reach + 1):
             away = (np.float32(shift) - half) * (np.float32(shift) - half)
             left, right = line[reach - shift : reach - shift + cols], line[reach + shift : reach + shift + cols]

@@ -3,67 +3,87 @@
 import math
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
 from wzsumo.planning.distance_field import FieldArray
 
-UNREACHABLE = np.float32(np.inf)
-_DIAGONAL = np.float32(math.sqrt(2))
+IntArray = npt.NDArray[np.int32]
 
 
 def cost_to_go(multiplier: FieldArray, *, goal_cell: tuple[int, int], resolution: float) -> FieldArray:
-    """Least costs (rows, cols) [m, times multiplier] to the goal's cell over 8 neighbours; infinite where there is no way.
+    """Least costs (rows + 2, cols + 2) [m, times multiplier] from each cell to the goal's; infinite where there is no way.
 
-    A step costs its length times the mean `multiplier` (>= 1, infinite in cells that cannot be entered) of its two cells.
-    Buckets as wide as the shortest step take the place of a heap: whatever lies in the lowest bucket is final.
-    Sources: Dijkstra 1959; Dial, Algorithm 360, Comm. ACM 12 (1969); Dinitz 1978 (the width of the buckets).
+    `multiplier` (rows + 2, cols + 2) is what a metre costs, >= 1, infinite where no axle can be and in the border of one cell
+    around the map. The costs solve |grad cost| = multiplier by upwind differences: unlike Dijkstra's sums over 8 neighbours,
+    which are up to 8 % too long, they are the same in every direction. Buckets take the place of the heap; a cell that
+    improves later is expanded again.
+    Sources: Sethian, A Fast Marching Level Set Method, PNAS 1996; Yatziv, Bartesaghi and Sapiro, O(N) implementation of the
+    fast marching algorithm, J. Comput. Phys. 212 (2006).
     """
-    finite = multiplier[np.isfinite(multiplier)]
-    dearest = float(finite.max()) if finite.size else 1.0
-    n_buckets = math.ceil(math.sqrt(2) * dearest) + 2
-    return _cost_to_go(multiplier, goal_cell[0], goal_cell[1], np.float32(resolution), n_buckets)
+    return _cost_to_go(multiplier, goal_cell[0] + 1, goal_cell[1] + 1, np.float32(resolution))
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _cost_to_go(multiplier: FieldArray, goal_row: int, goal_col: int, resolution: np.float32, n_buckets: int) -> FieldArray:
+def _cost_to_go(  # noqa: C901
+    multiplier: FieldArray, goal_row: int, goal_col: int, resolution: np.float32
+) -> FieldArray:
     rows, cols = multiplier.shape
-    cost = np.full((rows, cols), UNREACHABLE, dtype=np.float32)
+    metre = multiplier.ravel()
+    cost = np.empty(rows * cols, dtype=np.float32)
+    dearest = np.float32(1.0)
+    for cell in range(rows * cols):
+        cost[cell] = np.inf
+        if metre[cell] < np.inf:
+            dearest = max(dearest, metre[cell])
+    per_level = np.float32(1.0) / resolution
+    n_buckets = math.ceil(dearest) + 2
     capacity = 1024
-    bucket = np.empty((n_buckets, capacity), dtype=np.int32)
+    bucket = np.empty(n_buckets * capacity, dtype=np.int32)
     filled = np.zeros(n_buckets, dtype=np.int64)
-    cost[goal_row, goal_col] = np.float32(0.0)
-    bucket[0, 0] = goal_row * cols + goal_col
+    goal = goal_row * cols + goal_col
+    cost[goal] = np.float32(0.0)
+    bucket[0] = goal
     filled[0] = 1
     waiting, level = 1, 0
-    width = resolution
     while waiting > 0:
         slot = level % n_buckets
         while filled[slot] > 0:
             filled[slot] -= 1
             waiting -= 1
-            cell = bucket[slot, filled[slot]]
-            row, col = cell // cols, cell % cols
-            here = cost[row, col]
-            if int(here / width) < level:
+            cell = bucket[slot * capacity + filled[slot]]
+            here = cost[cell]
+            if int(here * per_level) < level:
                 continue
-            for d_row in range(-1, 2):
-                for d_col in range(-1, 2):
-                    if d_row == 0 and d_col == 0:
-                        continue
-                    to_row, to_col = row + d_row, col + d_col
-                    if to_row < 0 or to_col < 0 or to_row >= rows or to_col >= cols:
-                        continue
-                    length = _DIAGONAL if d_row != 0 and d_col != 0 else np.float32(1.0)
-                    reached = here + length * width * np.float32(0.5) * (multiplier[row, col] + multiplier[to_row, to_col])
-                    if reached < cost[to_row, to_col]:
-                        cost[to_row, to_col] = reached
-                        target = int(reached / width) % n_buckets
-                        if filled[target] == capacity:
-                            wider = np.empty((n_buckets, 2 * capacity), dtype=np.int32)
-                            wider[:, :capacity] = bucket
-                            bucket, capacity = wider, 2 * capacity
-                        bucket[target, filled[target]] = to_row * cols + to_col
-                        filled[target] += 1
-                        waiting += 1
+            for step in (-1, 1, -cols, cols):
+                to = cell + step
+                if cost[to] <= here or metre[to] == np.inf:
+                    continue
+                across, along = min(cost[to - 1], cost[to + 1]), min(cost[to - cols], cost[to + cols])
+                edge = metre[to] * resolution
+                apart = abs(across - along)
+                if apart >= edge:
+                    reached = min(across, along) + edge
+                else:
+                    reached = np.float32(0.5) * (across + along + np.sqrt(np.float32(2.0) * edge * edge - apart * apart))
+                if reached < cost[to]:
+                    cost[to] = reached
+                    target = int(reached * per_level) % n_buckets
+                    if filled[target] == capacity:
+                        bucket = _widened(bucket, n_buckets, capacity)
+                        capacity *= 2
+                    bucket[target * capacity + filled[target]] = to
+                    filled[target] += 1
+                    waiting += 1
         level += 1
-    return cost
+    return cost.reshape((rows, cols))
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _widened(bucket: IntArray, n_buckets: int, capacity: int) -> IntArray:
+    """The buckets with twice the capacity."""
+    wider = np.empty(2 * len(bucket), dtype=np.int32)
+    for index in range(n_buckets):
+        for place in range(capacity):
+            wider[index * 2 * capacity + place] = bucket[index * capacity + place]
+    return wider

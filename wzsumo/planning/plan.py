@@ -7,17 +7,19 @@ from enum import StrEnum
 import numpy as np
 
 from wzsumo.errors import MapError
-from wzsumo.frames import FloatArray, wrap_angle
+from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
 from wzsumo.planning.arcs import poses_along
-from wzsumo.planning.distance_field import FieldArray, distance_field
-from wzsumo.planning.footprint import POINT_BODY, inscribed_radius, outline_body, pose_is_free, sweep_margin
+from wzsumo.planning.distance_field import FieldArray
+from wzsumo.planning.footprint import POINT_BODY, Body, inscribed_radius, outline_body, pose_is_free
 from wzsumo.planning.heuristic import cost_to_go
-from wzsumo.planning.hybrid_astar import EXHAUSTED, LIMIT_REACHED, Lattice, search
-from wzsumo.planning.path_check import exposure_along, first_contact
+from wzsumo.planning.hybrid_astar import EXHAUSTED, FOUND, search
+from wzsumo.planning.lattice import lattice_for
+from wzsumo.planning.path_check import exposure_along
 from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.planning.smoothing import smooth
+from wzsumo.planning.smoothing import smoothed_poses
+from wzsumo.planning.terrain import Terrain, terrain_of
 from wzsumo.vehicle import VehicleGeometry
 
 __all__ = ["Plan", "PlanStatus", "PlannerSpec", "PlanningField", "compile_kernels", "plan_from", "plan_path", "prepare"]
@@ -60,11 +62,9 @@ class PlanningField:
     goal: Pose
     vehicle: VehicleGeometry
     spec: PlannerSpec
-    body: FloatArray
-    distance: FieldArray  # m, less the inflation radius
-    multiplier: FieldArray
+    body: Body
+    terrain: Terrain
     cost_to_go: FieldArray
-    goal_is_free: bool
     timings_ms: dict[str, float]
 
 
@@ -87,21 +87,12 @@ def prepare(grid: OccupancyGrid, *, goal: Pose, vehicle: VehicleGeometry, spec: 
             "crop it to the road or use a coarser resolution"
         )
     began = time.perf_counter()
-    body = POINT_BODY if spec.body == "point" else outline_body(vehicle)
-    inner = inscribed_radius(body)
-    reach = max(inner + spec.preferred_clearance_m, float(outline_body(vehicle)[3]) + MEASURED_CLEARANCE_M)
-    distance = distance_field(
-        grid.p_occupied,
-        max_p_occupied=spec.max_p_occupied,
-        resolution=grid.resolution,
-        limit_m=reach + grid.resolution + spec.inflation_radius_m,
-    )
-    if spec.inflation_radius_m > 0:
-        distance = np.maximum(distance - np.float32(spec.inflation_radius_m), np.float32(0))
-    multiplier = _multiplier(grid, distance, inner, spec)
+    body, outline = POINT_BODY if spec.body == "point" else outline_body(vehicle), outline_body(vehicle)
+    reach = max(inscribed_radius(body) + spec.preferred_clearance_m, outline.disc_radius + MEASURED_CLEARANCE_M)
+    terrain = terrain_of(grid, body=body, spec=spec, reach_m=reach + grid.resolution)
     measured = time.perf_counter()
-    row, col = grid.cell_of(goal[:2])
-    remaining = cost_to_go(multiplier, goal_cell=(int(row[0]), int(col[0])), resolution=grid.resolution)
+    (row,), (col,) = grid.cell_of(goal[:2])
+    remaining = cost_to_go(terrain.multiplier, goal_cell=(int(row), int(col)), resolution=grid.resolution)
     done = time.perf_counter()
     return PlanningField(
         grid=grid,
@@ -109,10 +100,8 @@ def prepare(grid: OccupancyGrid, *, goal: Pose, vehicle: VehicleGeometry, spec: 
         vehicle=vehicle,
         spec=spec,
         body=body,
-        distance=distance,
-        multiplier=multiplier,
+        terrain=terrain,
         cost_to_go=remaining,
-        goal_is_free=bool(pose_is_free(distance, grid.resolution, *_local(grid, goal), body, 0.0)),
         timings_ms={"distance_field": 1e3 * (measured - began), "heuristic": 1e3 * (done - measured)},
     )
 
@@ -121,59 +110,57 @@ def plan_from(field: PlanningField, *, start: Pose) -> Plan:
     """The plan from `start` to the field's goal. Raises MapError where `start` lies off the map."""
     _refuse_off_map(field.grid, start, name="start")
     began = time.perf_counter()
-    grid, spec = field.grid, field.spec
+    grid, terrain, body, spec = field.grid, field.terrain, field.body, field.spec
     at_start, at_goal = _local(grid, start), _local(grid, field.goal)
-    if not pose_is_free(field.distance, grid.resolution, *at_start, field.body, 0.0):
-        return _without_path(field, PlanStatus.START_OCCUPIED, f"the start {_named(start)} {_touches(field)}")
-    if not field.goal_is_free:
-        return _without_path(field, PlanStatus.GOAL_OCCUPIED, f"the goal {_named(field.goal)} {_touches(field)}")
-    row, col = grid.cell_of(start[:2])
-    if not np.isfinite(field.cost_to_go[row[0], col[0]]):
-        reason = f"no free corridor as wide as the body joins the start {_named(start)} with the goal {_named(field.goal)}"
-        return _without_path(field, PlanStatus.NO_PATH, reason)
+    way = f"from the start {_named(start)} to the goal {_named(field.goal)}"
+    for pose, status in ((at_start, PlanStatus.START_OCCUPIED), (at_goal, PlanStatus.GOAL_OCCUPIED)):
+        if not pose_is_free(terrain.distance, grid.resolution, body, *pose, 0.0):
+            return _without_path(field, status, _contact_at(field, start if pose is at_start else field.goal, status))
+    (row,), (col,) = grid.cell_of(start[:2])
+    if not np.isfinite(field.cost_to_go[row + 1, col + 1]):
+        return _without_path(field, PlanStatus.NO_PATH, f"no free corridor, as wide as the body, leads {way}")
     sharpest = spec.max_curvature(field.vehicle)
-    lattice = _lattice(sharpest)
-    outcome, n_expansions, segments = search(
-        field.distance,
-        field.multiplier,
-        field.cost_to_go,
-        resolution=grid.resolution,
-        body=field.body,
-        margin=sweep_margin(field.body, curvature=sharpest, step_m=lattice.check_m),
-        start=at_start,
-        goal=at_goal,
-        lattice=lattice,
-        weight=spec.heuristic_weight,
-        max_expansions=spec.max_expansions,
-    )
+    n_expansions, outcome, segments = 0, EXHAUSTED, np.zeros((0, 2))
+    for fineness, share in ((1, 0.5), (2, 1.0)):
+        lattice = lattice_for(body, max_curvature=sharpest, fineness=fineness)
+        limit = max(int(share * spec.max_expansions) - n_expansions, 1)
+        outcome, n, segments = search(terrain, field.cost_to_go, body, lattice, at_start, at_goal, spec.heuristic_weight, limit)
+        n_expansions += n
+        if outcome == FOUND:
+            break
     searched = time.perf_counter()
     timings = {"search": 1e3 * (searched - began)}
-    within = f"with curvature up to {sharpest:.4f} 1/m ({spec.planned_speed_mps:g} m/s), {n_expansions} states tried"
-    if outcome == EXHAUSTED:
-        reason = f"no way from {_named(start)} to {_named(field.goal)} can be driven {within}"
-        return _without_path(field, PlanStatus.NO_PATH, reason, n_expansions=n_expansions, timings=timings)
-    if outcome == LIMIT_REACHED:
-        reason = f"no way from {_named(start)} to {_named(field.goal)} was found {within}, the limit max_expansions"
-        return _without_path(field, PlanStatus.LIMIT_REACHED, reason, n_expansions=n_expansions, timings=timings)
+    if outcome != FOUND:
+        tried = f"with curvature up to {sharpest:.4f} 1/m ({spec.planned_speed_mps:g} m/s), {n_expansions} states tried"
+        if outcome == EXHAUSTED:
+            status, reason = PlanStatus.NO_PATH, f"no way {way} can be driven {tried}"
+        else:
+            status, reason = PlanStatus.LIMIT_REACHED, f"no way {way} was found {tried}, max_expansions={spec.max_expansions}"
+        return _without_path(field, status, reason, n_expansions=n_expansions, timings=timings)
     poses = poses_along(at_start, segments, max_step_m=PATH_STEP_M)
     if spec.smooth:
-        poses = _smoothed(field, poses, sharpest)
+        poses = smoothed_poses(
+            poses,
+            terrain=terrain,
+            body=body,
+            preferred_clearance_m=spec.preferred_clearance_m,
+            max_curvature=sharpest,
+            max_curvature_jump=spec.max_curvature_jump_1pm,
+        )
     smoothed = time.perf_counter()
     exposure = exposure_along(
         poses,
         p_occupied=grid.p_occupied,
         max_p_occupied=spec.max_p_occupied,
-        field=field.distance,
-        resolution=grid.resolution,
+        terrain=terrain,
         body=outline_body(field.vehicle),
         limit_m=MEASURED_CLEARANCE_M,
     )
-    poses[:, :2] += grid.origin
     timings |= {"smoothing": 1e3 * (smoothed - searched), "check": 1e3 * (time.perf_counter() - smoothed)}
     return Plan(
         status=PlanStatus.FOUND,
         reason="",
-        path=ReferencePath(poses=poses),
+        path=ReferencePath(poses=poses + np.array([*grid.origin, 0.0])),
         min_clearance_m=exposure.min_clearance_m,
         max_p_occupied=exposure.max_p_occupied,
         risk_m=exposure.risk_m,
@@ -205,57 +192,6 @@ def _local(grid: OccupancyGrid, pose: Pose) -> FloatArray:
     return np.array([pose[0] - grid.origin[0], pose[1] - grid.origin[1], pose[2]])
 
 
-def _multiplier(grid: OccupancyGrid, distance: FieldArray, inner: float, spec: PlannerSpec) -> FieldArray:
-    """What a metre with the rear axle in each cell costs, >= 1; infinite where no axle can be."""
-    lacking = np.clip(1 - (distance - inner) / spec.preferred_clearance_m, 0, 1)
-    cost = 1 + spec.clearance_cost * lacking**2 + spec.occupancy_cost * grid.p_occupied
-    blocked = (distance <= 0) | (distance + 0.7072 * grid.resolution < inner)
-    return np.where(blocked, np.inf, cost).astype(np.float32)
-
-
-def _lattice(sharpest: float) -> Lattice:
-    # Smoothing overshoots where curvature changes: the search keeps 15 % in hand.
-    bends = 0.85 * sharpest * np.array([1, 1 / 4, 1 / 16])
-    return Lattice(
-        curvatures=np.concatenate([[0.0], bends, -bends]),
-        step_m=4.0,
-        check_m=1.0,
-        xy_bin_m=0.5,
-        heading_bin=np.deg2rad(0.5),
-        turn_cost=0.3,
-        change_cost_m=0.3,
-        goal_range_m=100.0,
-    )
-
-
-def _smoothed(field: PlanningField, poses: FloatArray, sharpest: float) -> FloatArray:
-    """The path under the strongest smoothing that keeps it free and its curvature within the limits."""
-    best, least_jump = poses, np.inf
-    for wavelength_m in (60.0, 40.0, 25.0, 15.0, 8.0):
-        points = smooth(
-            poses[:, :2],
-            headings=(poses[0, 2], poses[-1, 2]),
-            wavelength_m=wavelength_m,
-            preferred_clearance_m=field.spec.preferred_clearance_m,
-            field=field.distance,
-            resolution=field.grid.resolution,
-            body=field.body,
-        )
-        chords = points[2:] - points[:-2]
-        headings = np.concatenate([poses[:1, 2], np.arctan2(chords[:, 1], chords[:, 0]), poses[-1:, 2]])
-        candidate = np.column_stack([points, wrap_angle(headings)])
-        curvature = ReferencePath(poses=candidate).curvature
-        margins = field.body[1] * np.abs(curvature) * PATH_STEP_M / 2
-        jump = float(np.abs(np.diff(curvature)).max())
-        if np.abs(curvature).max() > sharpest or jump >= least_jump:
-            continue
-        if first_contact(candidate, margins, field.distance, field.grid.resolution, field.body) < 0:
-            best, least_jump = candidate, jump
-            if jump <= field.spec.max_curvature_jump_1pm:
-                break
-    return best
-
-
 def _with_total(field: PlanningField, timings: dict[str, float]) -> dict[str, float]:
     parts = {"distance_field": 0.0, "heuristic": 0.0, "search": 0.0, "smoothing": 0.0, "check": 0.0}
     parts |= field.timings_ms | timings
@@ -281,6 +217,11 @@ def _named(pose: Pose) -> str:
     return f"({pose[0]:.2f}, {pose[1]:.2f}, {np.rad2deg(pose[2]):.1f} deg)"
 
 
-def _touches(field: PlanningField) -> str:
-    what = "lies in" if field.spec.body == "point" else "lets the outline touch"
-    return f"{what} a cell with p_occupied >= {field.spec.max_p_occupied:g}, or leave the map"
+def _contact_at(field: PlanningField, pose: Pose, status: PlanStatus) -> str:
+    end = "start" if status == PlanStatus.START_OCCUPIED else "goal"
+    body = "the outline" if field.spec.body == "outline" else "the point"
+    inflated = f" within {field.spec.inflation_radius_m:g} m" if field.spec.inflation_radius_m > 0 else ""
+    return (
+        f"at the {end} {_named(pose)} {body} touches a cell{inflated} with p_occupied >= {field.spec.max_p_occupied:g}, "
+        "or leaves the map"
+    )

@@ -1,0 +1,76 @@
+"""The map as the kernels see it: how far obstacles are, and what a metre of path costs in each cell.
+
+Kernels work in metres from the map's lower-left corner.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.distance_field import FieldArray, distance_field
+from wzsumo.planning.footprint import Body, inscribed_radius
+from wzsumo.planning.planner_spec import PlannerSpec
+
+
+class Terrain(NamedTuple):
+    """Fields of one map for one body."""
+
+    distance: (
+        FieldArray  # (rows, cols) m from a cell's centre to the nearest blocked square, less the inflation radius; 0: blocked
+    )
+    multiplier: FieldArray  # (rows + 2, cols + 2) cost of a metre, >= 1; infinite where no axle can be and around the map
+    resolution: float  # m
+
+
+def terrain_of(grid: OccupancyGrid, *, body: Body, spec: PlannerSpec, reach_m: float) -> Terrain:
+    """The terrain of a map; distances are clipped at `reach_m` [m]."""
+    distance = distance_field(
+        grid.p_occupied,
+        max_p_occupied=spec.max_p_occupied,
+        resolution=grid.resolution,
+        limit_m=reach_m + spec.inflation_radius_m,
+    )
+    multiplier = _inflate_and_price(
+        distance,
+        np.ascontiguousarray(grid.p_occupied),
+        np.float32(spec.inflation_radius_m),
+        np.float32(inscribed_radius(body)),
+        np.float32(grid.resolution * np.sqrt(0.5)),
+        np.float32(1 / spec.preferred_clearance_m),
+        np.float32(spec.clearance_cost),
+        np.float32(spec.occupancy_cost),
+    )
+    return Terrain(distance=distance, multiplier=multiplier, resolution=grid.resolution)
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _inflate_and_price(  # noqa: PLR0917
+    distance: FieldArray,
+    p_occupied: FieldArray,
+    inflation: np.float32,
+    inscribed: np.float32,
+    half_diagonal: np.float32,
+    per_clearance: np.float32,
+    clearance_cost: np.float32,
+    occupancy_cost: np.float32,
+) -> FieldArray:
+    """Multiplier with its border; takes the inflation off `distance`, which is this stage's own array, in place."""
+    rows, cols = distance.shape
+    multiplier = np.empty((rows + 2, cols + 2), dtype=np.float32)
+    zero, one, infinite = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
+    for row in range(-1, rows + 1):
+        multiplier[row + 1, 0] = multiplier[row + 1, cols + 1] = infinite
+        for col in range(cols):
+            if row < 0 or row == rows:
+                multiplier[row + 1, col + 1] = infinite
+                continue
+            apart = max(distance[row, col] - inflation, zero)
+            distance[row, col] = apart
+            lacking = min(max(one - (apart - inscribed) * per_clearance, zero), one)
+            cost = one + clearance_cost * lacking * lacking + occupancy_cost * p_occupied[row, col]
+            # A point of the cell may be half a diagonal farther from the obstacle than its centre.
+            fits = apart > zero and apart + half_diagonal >= inscribed
+            multiplier[row + 1, col + 1] = cost if fits else infinite
+    return multiplier
