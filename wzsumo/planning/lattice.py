@@ -46,7 +46,7 @@ def lattice_for(body: Body, *, max_curvature: float, fineness: int) -> Lattice:
         margin=sweep_margin(body, step_m=check) * sharpest,
         xy_bin_m=step / 8,
         heading_bin=max(sharpest * step / 8, math.radians(0.1)),
-        turn_cost=0.3,
+        turn_cost=1.0,
         change_cost_m=0.3,
         # A shift by a lane's width takes two arcs, 2 sqrt(width * radius) together.
         goal_range_m=40 + 4 * math.sqrt(3.6 / sharpest),

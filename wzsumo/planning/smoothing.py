@@ -19,15 +19,18 @@ from wzsumo.planning.footprint import Body, sweep_margin
 from wzsumo.planning.path_check import first_contact
 from wzsumo.planning.terrain import Terrain
 
-# Wavelength [m] and share of the preferred clearance that is asked for, the smoothest first.
-_LADDER = ((60.0, 1.0), (60.0, 0.5), (40.0, 1.0), (40.0, 0.5), (25.0, 0.5), (15.0, 0.3), (8.0, 0.1), (4.0, 0.0))
+# Wavelength [m] and share of the preferred clearance that is asked for, tried in turn. On a work zone of 900 m with corridors of
+# 3.6 m, straight, turned and bent, the first gave clearances of 0.51 to 0.65 m (analysis/benchmarks/planning.py).
+_LADDER = (
+    (90.0, 0.7), (60.0, 0.7), (40.0, 0.7), (60.0, 0.35), (40.0, 0.35), (25.0, 0.35), (15.0, 0.2), (8.0, 0.1), (4.0, 0.01),
+)  # fmt: skip
 _FEWEST_POINTS = 9
 _N_ROUNDS = 8
 _SETTLED_M = 0.005  # rounds end when no point moves farther
 _OBSTACLE_WEIGHT = 4.0  # of a missing metre of clearance against a metre off the searched path
-_INSISTED_SHARE = 0.6  # with less than this share of the preferred clearance the weight doubles every round
+_INSISTED_SHARE = 0.85  # below this share of the clearance asked for the weight grows from round to round,
+_INSISTENCE = 12.0  # by this factor times what is lacking: the nearest obstacles come to count most
 _BAND = 3
-_ENDS = 4  # points at each end that do not move: two beyond it, two on it
 
 
 def smoothed_poses(
@@ -53,7 +56,7 @@ def smoothed_poses(
             poses[:, :2],
             headings=(poses[0, 2], poses[-1, 2]),
             wavelength_m=wavelength_m,
-            preferred_clearance_m=clearance_share * preferred_clearance_m,
+            clearance_m=clearance_share * preferred_clearance_m,
             terrain=terrain,
             body=body,
         )
@@ -77,45 +80,52 @@ def smooth(
     *,
     headings: tuple[float, float],
     wavelength_m: float,
-    preferred_clearance_m: float,
+    clearance_m: float,
     terrain: Terrain,
     body: Body,
 ) -> FloatArray:
-    """Points (n, 2) near `points` (n, 2), n >= 5, evenly spaced on entry [m]; the first and last two along the end headings.
+    """Points (n, 2) near `points` (n, 2), n >= 6, evenly spaced on entry [m]; ends and the headings there are kept.
 
-    Waves shorter than `wavelength_m` are damped to less than half. The path starts and ends straight.
+    Waves shorter than `wavelength_m` are damped to less than half.
     """
     step = float(np.hypot(*(points[1] - points[0])))
     stiffness = (wavelength_m / (2 * math.pi * step)) ** (2 * _BAND)
-    first, last = (step * np.array([math.cos(heading), math.sin(heading)]) for heading in headings)
-    # Two points beyond each end, in line with the end pose, make the path start and end without curvature.
-    line = np.vstack([points[0] + np.outer([-2, -1, 0, 1], first), points[2:-2], points[-1] + np.outer([-1, 0, 1, 2], last)])
-    x, y = np.ascontiguousarray(line[:, 0]), np.ascontiguousarray(line[:, 1])
-    _smooth(x, y, stiffness, preferred_clearance_m, terrain, body)
-    return np.column_stack([x, y])[2:-2]
+    x, y = points[:, 0].copy(), points[:, 1].copy()
+    ways = 2 * step * np.array([[math.cos(heading), math.sin(heading)] for heading in headings])
+    _smooth(x, y, ways, stiffness, clearance_m, terrain, body)
+    return np.column_stack([x, y])
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _smooth(x: FloatArray, y: FloatArray, stiffness: float, preferred_clearance_m: float, terrain: Terrain, body: Body) -> None:
-    """Move the inner points of the line, in place."""
+def _smooth(
+    x: FloatArray,
+    y: FloatArray,
+    ways: FloatArray,
+    stiffness: float,
+    clearance_m: float,
+    terrain: Terrain,
+    body: Body,
+) -> None:
+    """Move the inner points of the line in place; `ways` (2, 2) lead from the point before to the one after each end."""
     n = len(x)
     searched_x, searched_y, weights = x.copy(), y.copy(), np.empty(n)
     pull_x, pull_y, insistence = np.empty(n), np.empty(n), np.full(n, _OBSTACLE_WEIGHT)
-    lower = np.empty((n, _BAND + 1))
-    insisted = body.half_width + _INSISTED_SHARE * preferred_clearance_m
+    band, lower, step = _bending_matrix(n), np.empty((n, _BAND + 1)), np.empty(n)
+    insisted = body.half_width + _INSISTED_SHARE * clearance_m
     for _ in range(_N_ROUNDS):
-        for i in range(_ENDS, n - _ENDS):
+        for i in range(1, n - 1):
             d_x, d_y = x[i + 1] - x[i - 1], y[i + 1] - y[i - 1]
             length = math.hypot(d_x, d_y)
             cos, sin = d_x / length, d_y / length
-            count, push, nearest = _push_off(terrain, body, x[i], y[i], cos, sin, body.half_width + preferred_clearance_m)
-            if nearest < insisted:
-                insistence[i] *= 2
+            count, push, nearest = _push_off(terrain, body, x[i], y[i], cos, sin, body.half_width + clearance_m)
+            insistence[i] *= 1 + _INSISTENCE * max(insisted - nearest, 0.0) / clearance_m
             weights[i] = 1 + insistence[i] * count
             pull_x[i] = searched_x[i] - x[i] - insistence[i] * push * sin
             pull_y[i] = searched_y[i] - y[i] + insistence[i] * push * cos
-        _factorise(weights, stiffness, lower)
-        moved = max(_step(x, pull_x, stiffness, lower), _step(y, pull_y, stiffness, lower))
+        _add_bending(x, ways[0, 0], ways[1, 0], stiffness, pull_x)
+        _add_bending(y, ways[0, 1], ways[1, 1], stiffness, pull_y)
+        _factorise(band, weights, stiffness, lower)
+        moved = max(_advance(x, pull_x, lower, step), _advance(y, pull_y, lower, step))
         if moved < _SETTLED_M:
             break
 
@@ -161,37 +171,69 @@ def _distance_and_slope(distance: FieldArray, resolution: float, x: float, y: fl
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _factorise(weights: FloatArray, stiffness: float, lower: FloatArray) -> None:
-    """Cholesky factor of W + stiffness D'D for the inner points, D third differences: lower[i, k] = L[i, i - k]."""
-    n = len(weights)
-    for i in range(_ENDS, n - _ENDS):
-        inner = min(i - _ENDS, _BAND)
+def _bending_matrix(n: int) -> FloatArray:
+    """Lower band (n, 4) of D'D: [i, k] = (D'D)[i, i - k], D the third differences 1, -3, 3, -1 of the line.
+
+    At each end one more difference reaches to a mirror point beyond it, from where the way to the point inside is given: so the
+    heading is kept and the curvature is free.
+    """
+    band = np.zeros((n, _BAND + 1))
+    factors = (-1.0, 3.0, -3.0, 1.0)
+    for first in range(n - _BAND):
+        for one in range(4):
+            for other in range(one + 1):
+                band[first + one, one - other] += factors[one] * factors[other]
+    for end, beside in ((1, 2), (n - 2, n - 3)):
+        band[end, 0] += 16.0
+        band[beside, 0] += 1.0
+        band[max(end, beside), 1] -= 4.0
+    return band
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _add_bending(line: FloatArray, first_way: float, last_way: float, stiffness: float, pull: FloatArray) -> None:
+    """Add to the pull on one coordinate what straightens the line: minus the gradient of half the squared differences."""
+    n = len(line)
+    bend = stiffness * (line[2] - 4 * line[1] + 3 * line[0] + first_way)
+    pull[1] += 4 * bend
+    pull[2] -= bend
+    for i in range(n - _BAND):
+        bend = stiffness * (line[i + 3] - 3 * line[i + 2] + 3 * line[i + 1] - line[i])
+        pull[i] += bend
+        pull[i + 1] -= 3 * bend
+        pull[i + 2] += 3 * bend
+        pull[i + 3] -= bend
+    bend = stiffness * (4 * line[n - 2] + last_way - 3 * line[n - 1] - line[n - 3])
+    pull[n - 2] -= 4 * bend
+    pull[n - 3] += bend
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _factorise(band: FloatArray, weights: FloatArray, stiffness: float, lower: FloatArray) -> None:
+    """Cholesky factor of W + stiffness D'D for the inner points: lower[i, k] = L[i, i - k]."""
+    for i in range(1, len(weights) - 1):
+        inner = min(i - 1, _BAND)
         for back in range(inner, -1, -1):
-            # Diagonals of D'D, from the differences 1, -3, 3, -1.
-            value = stiffness * (20.0 if back == 0 else -15.0 if back == 1 else 6.0 if back == 2 else -1.0)
+            value = stiffness * band[i, back]
             for further in range(back + 1, inner + 1):
                 value -= lower[i, further] * lower[i - back, further - back]
             lower[i, back] = value / lower[i - back, 0] if back > 0 else math.sqrt(value + weights[i])
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _step(line: FloatArray, pull: FloatArray, stiffness: float, lower: FloatArray) -> float:
+def _advance(line: FloatArray, pull: FloatArray, lower: FloatArray, step: FloatArray) -> float:
     """Move one coordinate of the inner points to where pull and bending balance; returns the largest move [m]."""
-    n = len(line)
-    step = np.empty(n)
-    for i in range(_ENDS, n - _ENDS):
-        bend = 20 * line[i] - 15 * (line[i - 1] + line[i + 1]) + 6 * (line[i - 2] + line[i + 2]) - (line[i - 3] + line[i + 3])
-        value = pull[i] - stiffness * bend
-        for back in range(1, min(i - _ENDS, _BAND) + 1):
+    n, moved = len(line), 0.0
+    for i in range(1, n - 1):
+        value = pull[i]
+        for back in range(1, min(i - 1, _BAND) + 1):
             value -= lower[i, back] * step[i - back]
         step[i] = value / lower[i, 0]
-    moved = 0.0
-    for i in range(n - _ENDS - 1, _ENDS - 1, -1):
+    for i in range(n - 2, 0, -1):
         value = step[i]
-        for ahead in range(1, min(n - _ENDS - 1 - i, _BAND) + 1):
+        for ahead in range(1, min(n - 2 - i, _BAND) + 1):
             value -= lower[i + ahead, ahead] * step[i + ahead]
         step[i] = value / lower[i, 0]
-        moved = max(moved, abs(step[i]))
-    for i in range(_ENDS, n - _ENDS):
         line[i] += step[i]
+        moved = max(moved, abs(step[i]))
     return moved
