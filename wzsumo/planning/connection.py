@@ -82,12 +82,13 @@ def _cost_along(
         step = lengths[segment] / n
         half = curvature * step / 2
         chord = step * (math.sin(half) / half if half != 0 else 1.0)
+        margin = lattice.sweep_margin * abs(curvature)
         dearer = step * (1 + lattice.turn_cost * (curvature / lattice.sharpest) ** 2)
         for _ in range(n):
             x += chord * math.cos(heading + half)
             y += chord * math.sin(heading + half)
             heading += 2 * half
-            if not pose_is_free(terrain.distance, resolution, body, x, y, heading, lattice.margin):
+            if not pose_is_free(terrain.distance, resolution, body, x, y, heading, margin):
                 return math.inf
             cost += dearer * terrain.multiplier[int(y / resolution) + 1, int(x / resolution) + 1]
             if not cost < limit:

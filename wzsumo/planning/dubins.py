@@ -55,6 +55,8 @@ def dubins_word(
         towards = math.atan2(side * (cos_a - cos_b), d - side * (sin_a - sin_b))
         t = (side * (a - towards) + p / 2) % _TURN
         q = side * (a - b) - t + p
+    if word < 2 and p < 1e-6:  # one arc: where to go straight on is undefined
+        t, q = (b - a if word == 0 else a - b), 0.0
     return radius * _forward(t), radius * p, radius * _forward(q)
 
 

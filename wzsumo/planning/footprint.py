@@ -51,10 +51,9 @@ def inscribed_radius(body: Body) -> float:
 def sweep_margin(body: Body, *, step_m: float) -> float:
     """Distance [m], times curvature [1/m], that the front corner swings beyond the outlines at both ends of a step on an arc.
 
-    The corner at distance `front` ahead of the axle stands out sideways by front * curvature * step at one end and
-    not at all at the other; half of it in between.
+    Seen from the second outline, turned by curvature * step, the corner of the first stands out by front * curvature * step.
     """
-    return body.front * step_m / 2
+    return body.front * step_m
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]

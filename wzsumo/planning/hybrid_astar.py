@@ -20,7 +20,11 @@ from wzsumo.planning.lattice import Lattice
 from wzsumo.planning.terrain import Terrain
 
 FOUND, EXHAUSTED, LIMIT_REACHED = range(3)
-_IMPROVE = 100  # expansions after the first way to the goal: 0.3 ms in which a cheaper one may turn up
+# Expansions after a way to the goal is found, in which a cheaper one may turn up: few where the connection costs about what
+# the cost to go promised, many where it cuts through what the search would go round.
+_IMPROVE_FAIR, _IMPROVE_DEAR = 20, 500
+_FAIR = 1.2  # times the cost to go, and
+_FAIR_M = 2.0  # more, is a fair cost of a connection
 _PATIENCE = 16  # after every so many vain connections one more state is passed over between two of them
 _OPEN, _CLOSED = 0, 1
 _NO_KEY = -1
@@ -55,9 +59,7 @@ def search(  # noqa: C901
     n_queue = _push(queue_costs, queue_nodes, 0, 0.0, 0)
     n_expansions, n_vain, next_connection, stop_at = 0, 0, 0, max_expansions
     best_total, best_last, best_end = math.inf, -1, np.zeros((3, 2))
-    while n_queue > 0 and queue_costs[0] < best_total:
-        if n_expansions >= stop_at:
-            break
+    while n_queue > 0 and n_expansions < stop_at and queue_costs[0] < weight * best_total:
         node = queue_nodes[0]
         n_queue = _pop(queue_costs, queue_nodes, n_queue)
         if states[node] == _CLOSED:
@@ -70,7 +72,9 @@ def search(  # noqa: C901
         if near_goal and n_expansions > next_connection:
             extra, end = connect(terrain, body, lattice, x, y, heading, last_curvature, goal, best_total - cost)
             if extra < math.inf:
-                stop_at = min(stop_at, n_expansions + _IMPROVE)
+                promised = float(cost_to_go[int(y / terrain.resolution) + 1, int(x / terrain.resolution) + 1])
+                fair = extra <= _FAIR * promised + _FAIR_M
+                stop_at = min(stop_at, n_expansions + (_IMPROVE_FAIR if fair else _IMPROVE_DEAR))
                 best_total, best_last, best_end = cost + extra, node, end
             else:
                 n_vain += 1
@@ -138,12 +142,12 @@ def _cost_of_arc(
 ) -> float:
     """Length times multiplier along an arc, dearer with curvature; infinite where the body touches a blocked cell."""
     cos, sin, resolution = math.cos(heading), math.sin(heading), terrain.resolution
-    n, total = arcs.shape[1], 0.0
+    margin, n, total = lattice.sweep_margin * abs(lattice.curvatures[arc]), arcs.shape[1], 0.0
     for check in range(n):
         to_x = x + cos * arcs[arc, check, 0] - sin * arcs[arc, check, 1]
         to_y = y + sin * arcs[arc, check, 0] + cos * arcs[arc, check, 1]
         to_heading = heading + arcs[arc, check, 2]
-        if not pose_is_free(terrain.distance, resolution, body, to_x, to_y, to_heading, lattice.margin):
+        if not pose_is_free(terrain.distance, resolution, body, to_x, to_y, to_heading, margin):
             return math.inf
         total += terrain.multiplier[int(to_y / resolution) + 1, int(to_x / resolution) + 1]
     return total * lattice.step_m / n * (1 + lattice.turn_cost * (lattice.curvatures[arc] / lattice.sharpest) ** 2)

@@ -12,7 +12,7 @@ from wzsumo.planning.footprint import Body, sweep_margin
 _SHARE_OF_LIMIT = 0.85
 _LADDER = np.array([1, 1 / 4, 1 / 16])  # curvatures: from what the speed allows to a lane change
 _LARGEST_TURN = 0.35  # rad, of one arc
-_LARGEST_MARGIN_M = 0.05  # what checking at intervals may cost in width
+_LARGEST_MARGIN_M = 0.07  # what checking at intervals may cost in width
 
 
 class Lattice(NamedTuple):
@@ -22,7 +22,7 @@ class Lattice(NamedTuple):
     sharpest: float  # 1/m, largest of them
     step_m: float  # length of an arc
     check_m: float  # distance between checked poses
-    margin: float  # by which the body is wider in checks: what it sweeps between two of them
+    sweep_margin: float  # times curvature: by how much the body is wider in checks, for what it sweeps between two of them
     xy_bin_m: float  # states in one bin of position and heading count as one
     heading_bin: float  # rad
     turn_cost: float  # a metre at the sharpest curvature costs 1 + turn_cost
@@ -37,13 +37,13 @@ def lattice_for(body: Body, *, max_curvature: float, fineness: int) -> Lattice:
     """
     sharpest = _SHARE_OF_LIMIT * max_curvature
     step = min(4.0, _LARGEST_TURN / sharpest) / fineness
-    check = min(1.0, step, 2 * _LARGEST_MARGIN_M / max(body.front * sharpest, 1e-9)) / fineness
+    check = min(1.0, step, _LARGEST_MARGIN_M / max(body.front * sharpest, 1e-9)) / fineness
     return Lattice(
         curvatures=np.concatenate([[0.0], sharpest * _LADDER, -sharpest * _LADDER]),
         sharpest=sharpest,
         step_m=step,
         check_m=check,
-        margin=sweep_margin(body, step_m=check) * sharpest,
+        sweep_margin=sweep_margin(body, step_m=check),
         xy_bin_m=step / 8,
         heading_bin=max(sharpest * step / 8, math.radians(0.1)),
         turn_cost=1.0,

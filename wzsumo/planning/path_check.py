@@ -46,6 +46,20 @@ def first_contact(poses: FloatArray, margins: FloatArray, terrain: Terrain, body
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def cost_along(poses: FloatArray, terrain: Terrain) -> float:
+    """Cost of a path: length times multiplier at the axle, infinite off the map."""
+    rows, cols = terrain.multiplier.shape
+    total = 0.0
+    for i in range(1, len(poses)):
+        d_x, d_y = poses[i, 0] - poses[i - 1, 0], poses[i, 1] - poses[i - 1, 1]
+        row, col = math.floor(poses[i, 1] / terrain.resolution) + 1, math.floor(poses[i, 0] / terrain.resolution) + 1
+        if not (0 <= row < rows and 0 <= col < cols):
+            return math.inf
+        total += math.sqrt(d_x * d_x + d_y * d_y) * terrain.multiplier[row, col]
+    return total
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _max_p_under(poses: FloatArray, p_occupied: FieldArray, resolution: float, body: Body) -> FloatArray:
     """Largest p (n,) of the cells that the outline touches at each pose; 1 where it leaves the map."""
     rows, cols = p_occupied.shape
@@ -104,7 +118,7 @@ def _gap(ahead: float, left: float, cos: float, sin: float, half_cell: float, bo
     Two convex outlines that do not meet are nearest at a corner of one of them.
     """
     out, side = max(body.rear - ahead, ahead - body.front, 0.0), max(abs(left) - body.half_width, 0.0)
-    if math.hypot(out, side) > best + half_cell * 1.4143:
+    if out * out + side * side > (best + half_cell * 1.4143) ** 2:
         return best
     if _meet(ahead, left, cos, sin, half_cell, body):
         return 0.0
@@ -114,11 +128,12 @@ def _gap(ahead: float, left: float, cos: float, sin: float, half_cell: float, bo
             corner_ahead, corner_left = ahead + cos * along + sin * across, left + cos * across - sin * along
             out = max(body.rear - corner_ahead, corner_ahead - body.front, 0.0)
             side = max(abs(corner_left) - body.half_width, 0.0)
-            nearest = min(nearest, math.hypot(out, side))
+            nearest = min(nearest, math.sqrt(out * out + side * side))
     for end in (body.rear, body.front):
         for flank in (-body.half_width, body.half_width):
             d_x, d_y = cos * (end - ahead) - sin * (flank - left), sin * (end - ahead) + cos * (flank - left)
-            nearest = min(nearest, math.hypot(max(abs(d_x) - half_cell, 0.0), max(abs(d_y) - half_cell, 0.0)))
+            out, side = max(abs(d_x) - half_cell, 0.0), max(abs(d_y) - half_cell, 0.0)
+            nearest = min(nearest, math.sqrt(out * out + side * side))
     return nearest
 
 

@@ -16,14 +16,15 @@ from wzsumo.frames import FloatArray
 from wzsumo.path import ReferencePath
 from wzsumo.planning.distance_field import FieldArray
 from wzsumo.planning.footprint import Body, sweep_margin
-from wzsumo.planning.path_check import first_contact
+from wzsumo.planning.path_check import cost_along, first_contact
 from wzsumo.planning.terrain import Terrain
 
-# Wavelength [m] and share of the preferred clearance that is asked for, tried in turn. On a work zone of 900 m with corridors of
-# 3.6 m, straight, turned and bent, the first gave clearances of 0.51 to 0.65 m (analysis/benchmarks/planning.py).
+# Wavelength [m] and share of the preferred clearance that is asked for, tried in turn. On a work zone of 900 m with corridors
+# of 3.6 m, straight, turned and bent, the first gave clearances of 0.51 to 0.65 m (analysis/benchmarks/planning.py).
 _LADDER = (
     (90.0, 0.7), (60.0, 0.7), (40.0, 0.7), (60.0, 0.35), (40.0, 0.35), (25.0, 0.35), (15.0, 0.2), (8.0, 0.1), (4.0, 0.01),
 )  # fmt: skip
+_DEARER = 1.2  # times the cost of the searched path: a smooth one shall not cut through what that went round
 _FEWEST_POINTS = 9
 _N_ROUNDS = 8
 _SETTLED_M = 0.005  # rounds end when no point moves farther
@@ -44,13 +45,14 @@ def smoothed_poses(
 ) -> FloatArray:
     """Poses (n, 3) under the strongest smoothing that keeps off blocked cells and within the limits [1/m].
 
-    `poses` (n, 3) are free and evenly spaced. Where no smoothing keeps the jumps of curvature within their limit, the one
-    with the least jumps; where none is free and within `max_curvature`, the poses as they were given.
+    `poses` (n, 3) are free and evenly spaced. Clearance and p(occupied) may cost little more than before.
+    Where no smoothing keeps the jumps of curvature within their limit, the one with the least jumps; where none is free and
+    within `max_curvature`, the poses as they were given.
     """
     if len(poses) < _FEWEST_POINTS:
         return poses
     step = float(np.hypot(*(poses[1, :2] - poses[0, :2])))
-    best, least_jump = poses, math.inf
+    best, least_jump, most = poses, math.inf, _DEARER * cost_along(poses, terrain)
     for wavelength_m, clearance_share in _LADDER:
         points = smooth(
             poses[:, :2],
@@ -66,6 +68,8 @@ def smoothed_poses(
         curvature = ReferencePath(poses=candidate).curvature
         jump = float(np.abs(np.diff(curvature)).max())
         if np.abs(curvature).max() > max_curvature or jump >= least_jump:
+            continue
+        if cost_along(candidate, terrain) > most:
             continue
         margins = sweep_margin(body, step_m=step) * np.abs(curvature)
         if first_contact(candidate, margins, terrain, body) < 0:
@@ -115,7 +119,7 @@ def _smooth(
     for _ in range(_N_ROUNDS):
         for i in range(1, n - 1):
             d_x, d_y = x[i + 1] - x[i - 1], y[i + 1] - y[i - 1]
-            length = math.hypot(d_x, d_y)
+            length = math.sqrt(d_x * d_x + d_y * d_y)
             cos, sin = d_x / length, d_y / length
             count, push, nearest = _push_off(terrain, body, x[i], y[i], cos, sin, body.half_width + clearance_m)
             insistence[i] *= 1 + _INSISTENCE * max(insisted - nearest, 0.0) / clearance_m
@@ -142,7 +146,8 @@ def _push_off(
         nearest = min(nearest, near)
         if near >= needed:
             continue
-        away_x, away_y = slope_x / max(math.hypot(slope_x, slope_y), 0.5), slope_y / max(math.hypot(slope_x, slope_y), 0.5)
+        steepness = max(math.sqrt(slope_x * slope_x + slope_y * slope_y), 0.5)
+        away_x, away_y = slope_x / steepness, slope_y / steepness
         # As far as the near obstacle lies behind, the way away from it is free. What lies ahead from there pushes back.
         ahead = (
             near + _distance_and_slope(terrain.distance, terrain.resolution, disc_x + near * away_x, disc_y + near * away_y)[0]
