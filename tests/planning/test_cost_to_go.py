@@ -34,11 +34,11 @@ def test_cost_to_go_equals_sweeps_until_nothing_changes(seed):
     multiplier[8, 11] = 1
     field = bordered(multiplier)
     expected = slow_cost_to_go(field.astype(float), (8, 11), 0.25)
-    np.testing.assert_allclose(cost_to_go(field, goal_cell=(8, 11), resolution=0.25), expected, rtol=1e-4)
+    np.testing.assert_allclose(cost_to_go(field, dearest=9.0, goal_cell=(8, 11), resolution=0.25), expected, rtol=1e-4)
 
 
 def test_cost_to_go_on_open_ground_is_the_straight_distance_in_every_direction():
-    cost = cost_to_go(bordered(np.ones((201, 201))), goal_cell=(100, 100), resolution=0.25)[1:-1, 1:-1]
+    cost = cost_to_go(bordered(np.ones((201, 201))), dearest=1.0, goal_cell=(100, 100), resolution=0.25)[1:-1, 1:-1]
     row, col = np.mgrid[:201, :201] - 100
     straight = 0.25 * np.hypot(row, col)
     far = straight > 10
@@ -49,7 +49,7 @@ def test_cost_to_go_on_open_ground_is_the_straight_distance_in_every_direction()
 def test_cost_to_go_is_infinite_behind_a_wall_and_proportional_to_the_multiplier():
     open_ground = np.ones((20, 40))
     open_ground[:, 30] = np.inf
-    once = cost_to_go(bordered(open_ground), goal_cell=(10, 5), resolution=0.5)
-    thrice = cost_to_go(bordered(3 * open_ground), goal_cell=(10, 5), resolution=0.5)
+    once = cost_to_go(bordered(open_ground), dearest=1.0, goal_cell=(10, 5), resolution=0.5)
+    thrice = cost_to_go(bordered(3 * open_ground), dearest=3.0, goal_cell=(10, 5), resolution=0.5)
     assert np.isinf(once[1:-1, 31:]).all()
     np.testing.assert_allclose(thrice[1:-1, 1:31], 3 * once[1:-1, 1:31], rtol=1e-5)

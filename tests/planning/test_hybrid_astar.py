@@ -21,7 +21,7 @@ def searched(start, goal, *, p_occupied=None, max_expansions=2000, weight=2.0):
     terrain = terrain_of(
         OccupancyGrid(p_occupied=p, resolution=0.25, origin=(0.0, 0.0)), body=BODY, spec=PlannerSpec(), reach_m=3.0
     )
-    remaining = cost_to_go(terrain.multiplier, goal_cell=(int(goal[1] * 4), int(goal[0] * 4)), resolution=0.25)
+    remaining = cost_to_go(terrain.multiplier, dearest=12.0, goal_cell=(int(goal[1] * 4), int(goal[0] * 4)), resolution=0.25)
     lattice = lattice_for(BODY, max_curvature=0.02, fineness=1)
     return hybrid_astar.search(
         terrain, remaining, BODY, lattice, np.array(start, dtype=float), np.array(goal, dtype=float), weight, max_expansions

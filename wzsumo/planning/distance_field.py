@@ -31,7 +31,7 @@ def _distance_field(  # noqa: C901
     p_occupied: FieldArray, max_p_occupied: np.float32, resolution: np.float32, reach: int, limit_m: np.float32
 ) -> FieldArray:
     rows, cols = p_occupied.shape
-    squared, field = np.empty((rows, cols), dtype=np.float32), np.empty((rows, cols), dtype=np.float32)
+    field = np.empty((rows, cols), dtype=np.float32)  # distances along y, then squared, then the result: memory costs time
     far, half, one, none = np.float32(reach + 0.5), np.float32(0.5), np.float32(1.0), np.float32(0.0)
     # Up and down the columns: 0 in a blocked cell, 1/2 beside it, then one more a row. Beyond both ends lies a blocked row.
     nearest = np.empty(cols, dtype=np.float32)
@@ -41,21 +41,21 @@ def _distance_field(  # noqa: C901
         for col in range(cols):
             beside = nearest[col] + (half if nearest[col] == none else one)
             nearest[col] = none if p_occupied[row, col] >= max_p_occupied else min(beside, far)
-            squared[row, col] = nearest[col]
+            field[row, col] = nearest[col]
     for col in range(cols):
         nearest[col] = none
     for row in range(rows - 1, -1, -1):
         for col in range(cols):
             beside = nearest[col] + (half if nearest[col] == none else one)
-            nearest[col] = min(squared[row, col], beside)
-            squared[row, col] = nearest[col] * nearest[col]
+            nearest[col] = min(field[row, col], beside)
+            field[row, col] = nearest[col] * nearest[col]
     line, best = np.empty(cols + 2 * reach, dtype=np.float32), np.empty(cols, dtype=np.float32)
     for col in range(cols + 2 * reach):
         line[col] = far * far
     line[reach - 1] = line[reach + cols] = none
     for row in range(rows):
         for col in range(cols):
-            best[col] = line[reach + col] = squared[row, col]
+            best[col] = line[reach + col] = field[row, col]
         for shift in range(1, reach + 1):
             away = (np.float32(shift) - half) * (np.float32(shift) - half)
             left, right = line[reach - shift : reach - shift + cols], line[reach + shift : reach + shift + cols]

@@ -11,33 +11,27 @@ from wzsumo.planning.distance_field import FieldArray
 IntArray = npt.NDArray[np.int32]
 
 
-def cost_to_go(multiplier: FieldArray, *, goal_cell: tuple[int, int], resolution: float) -> FieldArray:
+def cost_to_go(multiplier: FieldArray, *, dearest: float, goal_cell: tuple[int, int], resolution: float) -> FieldArray:
     """Least costs (rows + 2, cols + 2) [m, times multiplier] from each cell to the goal's; infinite where there is no way.
 
     `multiplier` (rows + 2, cols + 2) is what a metre costs, >= 1, infinite where no axle can be and in the border of one cell
-    around the map. The costs solve |grad cost| = multiplier by upwind differences: unlike Dijkstra's sums over 8 neighbours,
-    which are up to 8 % too long, they are the same in every direction. Buckets take the place of the heap; a cell that
-    improves later is expanded again.
+    around the map; `dearest` is no less than its largest finite value. The costs solve |grad cost| = multiplier by upwind
+    differences: unlike Dijkstra's sums over 8 neighbours, which are up to 8 % too long, they are the same in every direction.
+    Buckets take the place of the heap; a cell that improves later is expanded again.
     Sources: Sethian, A Fast Marching Level Set Method, PNAS 1996; Yatziv, Bartesaghi and Sapiro, O(N) implementation of the
     fast marching algorithm, J. Comput. Phys. 212 (2006).
     """
-    return _cost_to_go(multiplier, goal_cell[0] + 1, goal_cell[1] + 1, np.float32(resolution))
+    return _cost_to_go(multiplier, goal_cell[0] + 1, goal_cell[1] + 1, np.float32(resolution), math.ceil(dearest) + 2)
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _cost_to_go(  # noqa: C901
-    multiplier: FieldArray, goal_row: int, goal_col: int, resolution: np.float32
-) -> FieldArray:
+def _cost_to_go(multiplier: FieldArray, goal_row: int, goal_col: int, resolution: np.float32, n_buckets: int) -> FieldArray:
     rows, cols = multiplier.shape
     metre = multiplier.ravel()
     cost = np.empty(rows * cols, dtype=np.float32)
-    dearest = np.float32(1.0)
     for cell in range(rows * cols):
         cost[cell] = np.inf
-        if metre[cell] < np.inf:
-            dearest = max(dearest, metre[cell])
     per_level = np.float32(1.0) / resolution
-    n_buckets = math.ceil(dearest) + 2
     capacity = 1024
     bucket = np.empty(n_buckets * capacity, dtype=np.int32)
     filled = np.zeros(n_buckets, dtype=np.int64)

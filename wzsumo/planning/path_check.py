@@ -94,11 +94,11 @@ def _min_clearance(
             bound = min(bound, (terrain.distance[row, col] if inside else 0.0) - body.disc_radius - resolution * 0.7072)
         if bound >= best:
             continue
-        reach_x = max(abs(cos * body.rear), abs(cos * body.front)) + abs(sin) * body.half_width + best
-        reach_y = max(abs(sin * body.rear), abs(sin * body.front)) + abs(cos) * body.half_width + best
-        last_col = math.floor((x + reach_x) / resolution)
-        for row in range(math.floor((y - reach_y) / resolution), math.floor((y + reach_y) / resolution) + 1):
-            col = math.floor((x - reach_x) / resolution)
+        # Cells that the outline would touch if it were wider by the least distance so far on all sides.
+        rear, front, half_width = body.rear - best, body.front + best, body.half_width + best
+        first, last = rows_crossed(y, cos, sin, rear, front, half_width, resolution)
+        for row in range(first, last + 1):
+            col, last_col = columns_crossed(x, y, cos, sin, rear, front, half_width, resolution, row)
             while col <= last_col:
                 if 0 <= row < rows and 0 <= col < cols and p_occupied[row, col] < max_p_occupied:
                     # No blocked cell is nearer than the field says.

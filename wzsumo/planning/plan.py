@@ -95,7 +95,8 @@ def prepare(grid: OccupancyGrid, *, goal: Pose, vehicle: VehicleGeometry, spec: 
     terrain = terrain_of(grid, body=body, spec=spec, reach_m=reach + grid.resolution)
     measured = time.perf_counter()
     (row,), (col,) = grid.cell_of(goal[:2])
-    remaining = cost_to_go(terrain.multiplier, goal_cell=(int(row), int(col)), resolution=grid.resolution)
+    goal_cell = int(row), int(col)
+    remaining = cost_to_go(terrain.multiplier, dearest=spec.dearest_metre, goal_cell=goal_cell, resolution=grid.resolution)
     done = time.perf_counter()
     return PlanningField(
         grid=grid,

@@ -35,3 +35,8 @@ class PlannerSpec(Spec):
         if self.planned_speed_mps == 0:
             return steering
         return float(np.minimum(steering, self.max_lateral_acceleration_mps2 / self.planned_speed_mps**2))
+
+    @property
+    def dearest_metre(self) -> float:
+        """Largest cost of a metre of path: without clearance, over cells at the threshold."""
+        return 1 + self.clearance_cost + self.occupancy_cost * self.max_p_occupied
