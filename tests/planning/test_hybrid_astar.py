@@ -22,7 +22,7 @@ def searched(start, goal, *, p_occupied=None, max_expansions=2000, weight=2.0):
         OccupancyGrid(p_occupied=p, resolution=0.25, origin=(0.0, 0.0)), body=BODY, spec=PlannerSpec(), reach_m=3.0
     )
     remaining = cost_to_go(terrain.multiplier, dearest=12.0, goal_cell=(int(goal[1] * 4), int(goal[0] * 4)), resolution=0.25)
-    lattice = lattice_for(BODY, max_curvature=0.02, fineness=1)
+    lattice = lattice_for(BODY, max_curvature=0.02, resolution=0.25, fineness=1)
     return hybrid_astar.search(
         terrain, remaining, BODY, lattice, np.array(start, dtype=float), np.array(goal, dtype=float), weight, max_expansions
     )
@@ -89,7 +89,7 @@ def test_table_finds_what_a_dict_finds_also_after_it_has_grown():
 
 @pytest.mark.parametrize(("speed_curvature", "step_m"), [(0.02, 4.0), (0.2, 0.35 / 0.17)])
 def test_lattice_turns_at_most_20_degrees_a_step_and_checks_to_7_cm(speed_curvature, step_m):
-    lattice = lattice_for(BODY, max_curvature=speed_curvature, fineness=1)
+    lattice = lattice_for(BODY, max_curvature=speed_curvature, resolution=0.25, fineness=1)
     assert lattice.step_m == pytest.approx(step_m)
     assert lattice.sweep_margin * lattice.sharpest <= 0.07 + 1e-9
     assert np.abs(lattice.curvatures).max() < speed_curvature

@@ -18,7 +18,6 @@ def exposure_of(p_occupied, poses, limit_m=1.5):
     terrain = terrain_of(grid, body=BODY, spec=PlannerSpec(), reach_m=3.0)
     return exposure_along(
         np.asarray(poses, dtype=float),
-        p_occupied=grid.p_occupied,
         max_p_occupied=0.196,
         terrain=terrain,
         body=BODY,

@@ -9,7 +9,8 @@ from shapely import STRtree
 from wzsumo.errors import MapError
 from wzsumo.frames import wrap_angle
 from wzsumo.grid import OccupancyGrid
-from wzsumo.planning.plan import PlannerSpec, PlanStatus, plan_from, plan_path, prepare
+from wzsumo.planning import distance_field, heuristic, hybrid_astar, path_check, smoothing, terrain
+from wzsumo.planning.plan import PlannerSpec, PlanStatus, compile_kernels, plan_from, plan_path, prepare
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
@@ -190,3 +191,48 @@ def test_unknown_cells_are_not_free():
     )
     bold = PlannerSpec(max_p_occupied=0.65)
     assert plan_path(grid_of(p), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=bold).status == "FOUND"
+
+
+KERNELS = (
+    distance_field._distance_field,
+    heuristic._cost_to_go,
+    hybrid_astar.search,
+    path_check._min_clearance,
+    path_check._max_p_under,
+    path_check.first_contact,
+    smoothing._smooth,
+    terrain._multiplier,
+)
+
+
+def test_odd_but_valid_input_plans_the_same_path_with_no_further_compilation():
+    p = corridor(4, resolution=1.0).p_occupied
+    expected = plan_path(grid_of(p, 1.0), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=PlannerSpec())
+    compile_kernels()
+    compiled = [len(kernel.signatures) for kernel in KERNELS]
+    odd = p[::-1][::-1].copy(order="F")
+    odd.setflags(write=False)
+    grid = grid_of(odd, resolution=1, origin=(0, 0))
+    plan = plan_path(grid, start=(10, 20, 0), goal=(140, 20, 0), vehicle=CAR, spec=PlannerSpec(heuristic_weight=1.2))
+    np.testing.assert_array_equal(plan.path.poses, expected.path.poses)
+    assert [len(kernel.signatures) for kernel in KERNELS] == compiled
+
+
+@pytest.mark.parametrize("distance_m", [0.0, 0.3, 3.0])
+def test_goal_at_or_just_ahead_of_the_start_is_reached_on_a_straight(distance_m):
+    goal = (10.0 + distance_m, 20.0, 0.0)
+    plan = plan_path(corridor(4), start=STRAIGHT[0], goal=goal, vehicle=CAR, spec=PlannerSpec())
+    assert plan.status == "FOUND"
+    assert plan.path.arc_length[-1] == pytest.approx(distance_m, abs=1e-6)
+    np.testing.assert_allclose(plan.path.poses[-1], goal, atol=1e-6)
+
+
+def test_timings_of_a_kept_field_count_for_the_first_plan_alone():
+    grid, start, goal = work_zone_grid()
+    field = prepare(grid, goal=goal, vehicle=CAR, spec=PlannerSpec())
+    again = plan_from(field, start=start).timings_ms
+    first = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec()).timings_ms
+    assert again["distance_field"] == again["heuristic"] == 0
+    assert min(first[key] for key in ("distance_field", "heuristic", "search", "smoothing", "check")) > 0
+    for timings in (first, again):
+        assert timings["total"] == pytest.approx(sum(value for key, value in timings.items() if key != "total"))

@@ -20,9 +20,7 @@ def distance_field(p_occupied: FieldArray, *, max_p_occupied: float, resolution:
     Source: Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012 (the separation, not their scan).
     """
     reach = max(1, math.ceil(limit_m / resolution + 0.5))
-    return _distance_field(
-        np.ascontiguousarray(p_occupied), np.float32(max_p_occupied), np.float32(resolution), reach, np.float32(limit_m)
-    )
+    return _distance_field(p_occupied, np.float32(max_p_occupied), np.float32(resolution), reach, np.float32(limit_m))
 
 
 # fastmath lets the compiler turn the loops over a row into vector code; no value in them is infinite or nan.

@@ -30,14 +30,15 @@ class Lattice(NamedTuple):
     goal_range_m: float  # from here on states are tried to be joined with the goal
 
 
-def lattice_for(body: Body, *, max_curvature: float, fineness: int) -> Lattice:
+def lattice_for(body: Body, *, max_curvature: float, resolution: float, fineness: int) -> Lattice:
     """The lattice for a curvature limit [1/m]; steps and bins shrink in proportion to 1 / `fineness`.
 
     Steps of 4 m and bins of 0.5 m and 0.5 degrees at 10 m/s; tapers turn by 1 to 2 degrees. Tight limits shorten them.
     """
     sharpest = _SHARE_OF_LIMIT * max_curvature
     step = min(4.0, _LARGEST_TURN / sharpest) / fineness
-    check = min(1.0, step, _LARGEST_MARGIN_M / max(body.front * sharpest, 1e-9)) / fineness
+    longest = max(body.front - body.rear, resolution)  # a point is checked in every cell
+    check = min(1.0, step, longest, _LARGEST_MARGIN_M / max(body.front * sharpest, 1e-9)) / fineness
     return Lattice(
         curvatures=np.concatenate([[0.0], sharpest * _LADDER, -sharpest * _LADDER]),
         sharpest=sharpest,

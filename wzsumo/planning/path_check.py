@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit
 
 from wzsumo.frames import FloatArray
-from wzsumo.planning.distance_field import FieldArray
 from wzsumo.planning.footprint import Body, columns_crossed, pose_is_free, rows_crossed
 from wzsumo.planning.terrain import Terrain
 
@@ -22,14 +21,12 @@ class Exposure:
     risk_m: float  # integral along the path of the largest p(occupied) under the outline
 
 
-def exposure_along(
-    poses: FloatArray, *, p_occupied: FieldArray, max_p_occupied: float, terrain: Terrain, body: Body, limit_m: float
-) -> Exposure:
+def exposure_along(poses: FloatArray, *, max_p_occupied: float, terrain: Terrain, body: Body, limit_m: float) -> Exposure:
     """The exposure of a body along poses (n, 3)."""
-    p_under = _max_p_under(poses, p_occupied, terrain.resolution, body)
+    p_under = _max_p_under(poses, terrain, body)
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     return Exposure(
-        min_clearance_m=_min_clearance(poses, p_occupied, max_p_occupied, terrain, body, limit_m),
+        min_clearance_m=_min_clearance(poses, max_p_occupied, terrain, body, limit_m),
         max_p_occupied=float(p_under.max()),
         risk_m=float(np.sum(steps * (p_under[1:] + p_under[:-1]) / 2)),
     )
@@ -60,8 +57,9 @@ def cost_along(poses: FloatArray, terrain: Terrain) -> float:
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _max_p_under(poses: FloatArray, p_occupied: FieldArray, resolution: float, body: Body) -> FloatArray:
+def _max_p_under(poses: FloatArray, terrain: Terrain, body: Body) -> FloatArray:
     """Largest p (n,) of the cells that the outline touches at each pose; 1 where it leaves the map."""
+    p_occupied, resolution = terrain.p_occupied, terrain.resolution
     rows, cols = p_occupied.shape
     rear, front, half_width = body.rear, body.front, body.half_width
     largest = np.zeros(len(poses))
@@ -79,11 +77,9 @@ def _max_p_under(poses: FloatArray, p_occupied: FieldArray, resolution: float, b
 
 
 @njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _min_clearance(
-    poses: FloatArray, p_occupied: FieldArray, max_p_occupied: float, terrain: Terrain, body: Body, limit_m: float
-) -> float:
+def _min_clearance(poses: FloatArray, max_p_occupied: float, terrain: Terrain, body: Body, limit_m: float) -> float:
     """Least distance [m] of the outline from a blocked cell, at most `limit_m`."""
-    resolution, best = terrain.resolution, limit_m
+    p_occupied, resolution, best = terrain.p_occupied, terrain.resolution, limit_m
     rows, cols = p_occupied.shape
     for i in range(len(poses)):
         x, y, cos, sin = poses[i, 0], poses[i, 1], math.cos(poses[i, 2]), math.sin(poses[i, 2])

@@ -21,29 +21,33 @@ class Terrain(NamedTuple):
         FieldArray  # (rows, cols) m from a cell's centre to the nearest blocked square, less the inflation radius; 0: blocked
     )
     multiplier: FieldArray  # (rows + 2, cols + 2) cost of a metre, >= 1; infinite where no axle can be and around the map
+    p_occupied: FieldArray  # (rows, cols)
     resolution: float  # m
 
 
 def terrain_of(grid: OccupancyGrid, *, body: Body, spec: PlannerSpec, reach_m: float) -> Terrain:
     """The terrain of a map; distances are clipped at `reach_m` [m]."""
+    # One kind of array for the kernels, own and writable: they are compiled for no other.
+    p_occupied = np.require(grid.p_occupied, dtype=np.float32, requirements=["C", "W"])
+    resolution = float(grid.resolution)
     distance = distance_field(
-        grid.p_occupied,
+        p_occupied,
         max_p_occupied=spec.max_p_occupied,
-        resolution=grid.resolution,
+        resolution=resolution,
         limit_m=reach_m + spec.inflation_radius_m,
     )
     if spec.inflation_radius_m > 0:
         distance = np.maximum(distance - np.float32(spec.inflation_radius_m), np.float32(0))
     multiplier = _multiplier(
         distance,
-        np.ascontiguousarray(grid.p_occupied),
+        p_occupied,
         np.float32(inscribed_radius(body)),
-        np.float32(grid.resolution * np.sqrt(0.5)),
+        np.float32(resolution * np.sqrt(0.5)),
         np.float32(1 / spec.preferred_clearance_m),
         np.float32(spec.clearance_cost),
         np.float32(spec.occupancy_cost),
     )
-    return Terrain(distance=distance, multiplier=multiplier, resolution=grid.resolution)
+    return Terrain(distance=distance, multiplier=multiplier, p_occupied=p_occupied, resolution=resolution)
 
 
 # No value is nan: without that case the compiler turns the loop over a row into vector code.
