@@ -27,10 +27,11 @@ _LADDER = (
 _DEARER = 1.2  # times the cost of the searched path: a smooth one shall not cut through what that went round
 _FEWEST_POINTS = 9
 _N_ROUNDS = 8
-_SETTLED_M = 0.005  # rounds end when no point moves farther
+_SETTLED_M = 0.01  # rounds end when no point moves farther
 _OBSTACLE_WEIGHT = 4.0  # of a missing metre of clearance against a metre off the searched path
 _INSISTED_SHARE = 0.85  # below this share of the clearance asked for the weight grows from round to round,
 _INSISTENCE = 12.0  # by this factor times what is lacking: the nearest obstacles come to count most
+_STRIDE = 2  # obstacles are looked at from every second point, a metre apart
 _BAND = 3
 
 
@@ -118,14 +119,17 @@ def _smooth(
     insisted = body.half_width + _INSISTED_SHARE * clearance_m
     for _ in range(_N_ROUNDS):
         for i in range(1, n - 1):
+            weights[i], pull_x[i], pull_y[i] = 1.0, searched_x[i] - x[i], searched_y[i] - y[i]
+        for i in range(1, n - 1, _STRIDE):
             d_x, d_y = x[i + 1] - x[i - 1], y[i + 1] - y[i - 1]
             length = math.sqrt(d_x * d_x + d_y * d_y)
             cos, sin = d_x / length, d_y / length
             count, push, nearest = _push_off(terrain, body, x[i], y[i], cos, sin, body.half_width + clearance_m)
             insistence[i] *= 1 + _INSISTENCE * max(insisted - nearest, 0.0) / clearance_m
-            weights[i] = 1 + insistence[i] * count
-            pull_x[i] = searched_x[i] - x[i] - insistence[i] * push * sin
-            pull_y[i] = searched_y[i] - y[i] + insistence[i] * push * cos
+            weight = _STRIDE * insistence[i]
+            weights[i] += weight * count
+            pull_x[i] -= weight * push * sin
+            pull_y[i] += weight * push * cos
         _add_bending(x, ways[0, 0], ways[1, 0], stiffness, pull_x)
         _add_bending(y, ways[0, 1], ways[1, 1], stiffness, pull_y)
         _factorise(band, weights, stiffness, lower)
