@@ -1,0 +1,175 @@
+"""Plans: from a map, a start and a goal to a checked ReferencePath, or to the reason why there is none."""
+
+import math
+import time
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from wzsumo.frames import FloatArray
+from wzsumo.grid import OccupancyGrid
+from wzsumo.path import ReferencePath
+from wzsumo.planning.arcs import poses_along
+from wzsumo.planning.attempts import search_in_turn
+from wzsumo.planning.footprint import outline_body, pose_is_free
+from wzsumo.planning.hybrid_astar import EXHAUSTED
+from wzsumo.planning.path_check import exposure_along
+from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.planning.planning_field import MEASURED_CLEARANCE_M, PlanningField, Pose, from_corner, prepare, refuse_off_map
+from wzsumo.planning.smoothing import smoothed_poses
+from wzsumo.vehicle import VehicleGeometry
+
+__all__ = ["Plan", "PlanStatus", "PlannerSpec", "PlanningField", "compile_kernels", "plan_from", "plan_path", "prepare"]
+
+PATH_STEP_M = 0.48  # smoothing may stretch it a little; a path is sampled at 0.5 m or less
+
+
+class PlanStatus(StrEnum):
+    """How planning ended."""
+
+    FOUND = "FOUND"
+    START_OCCUPIED = "START_OCCUPIED"
+    GOAL_OCCUPIED = "GOAL_OCCUPIED"
+    NO_PATH = "NO_PATH"
+    LIMIT_REACHED = "LIMIT_REACHED"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What planning came to. Clearance and p(occupied) are of the vehicle's exact outline; nan where there is no path."""
+
+    status: PlanStatus
+    reason: str  # one sentence, empty where a path was found
+    path: ReferencePath | None
+    min_clearance_m: float  # to the nearest blocked cell or the map's edge; at most MEASURED_CLEARANCE_M, 0 on contact
+    max_p_occupied: float  # largest p of a cell under the outline; 1 where it leaves the map
+    risk_m: float  # integral along the path of the largest p under the outline
+    n_expansions: int
+    timings_ms: dict[str, float]  # distance_field, heuristic, search, smoothing, check, total
+
+
+def plan_path(grid: OccupancyGrid, *, start: Pose, goal: Pose, vehicle: VehicleGeometry, spec: PlannerSpec) -> Plan:
+    """The plan from `start` to `goal`, poses (x [m], y [m], heading [rad]) of the REAR AXLE in the world.
+
+    Raises MapError where a pose lies off the map or the map is too large.
+    """
+    refuse_off_map(grid, start, name="start")
+    field = prepare(grid, goal=goal, vehicle=vehicle, spec=spec)
+    plan = plan_from(field, start=start)
+    total = plan.timings_ms["total"] + sum(field.timings_ms.values())
+    return replace(plan, timings_ms=plan.timings_ms | field.timings_ms | {"total": total})
+
+
+def plan_from(field: PlanningField, *, start: Pose) -> Plan:
+    """The plan from `start` to the field's goal; its timings leave out what the field took.
+
+    Raises MapError where `start` lies off the map.
+    """
+    refuse_off_map(field.grid, start, name="start")
+    began = time.perf_counter()
+    at_start, at_goal = from_corner(field.grid, start), from_corner(field.grid, field.goal)
+    obstacle = _obstacle(field, start)
+    if obstacle is not None:
+        return _without_path(*obstacle)
+    sharpest = field.spec.max_curvature(field.vehicle)
+    outcome, n_expansions, segments = search_in_turn(field, start=at_start, goal=at_goal, max_curvature=sharpest)
+    searched = time.perf_counter()
+    timings = {"search": 1e3 * (searched - began)}
+    if segments is None:
+        way = f"from the start {_named(start)} to the goal {_named(field.goal)}"
+        tried = f"with curvature up to {sharpest:.4f} 1/m ({field.spec.planned_speed_mps:g} m/s), {n_expansions} states tried"
+        if outcome == EXHAUSTED:
+            status, reason = PlanStatus.NO_PATH, f"no way {way} can be driven {tried}"
+        else:
+            limit = f"max_expansions={field.spec.max_expansions}"
+            status, reason = PlanStatus.LIMIT_REACHED, f"no way {way} was found {tried}, the limit is {limit}"
+        return _without_path(status, reason, n_expansions=n_expansions, timings=timings)
+    poses = _path_poses(field, at_start, segments, sharpest)
+    smoothed = time.perf_counter()
+    exposure = exposure_along(
+        poses,
+        max_p_occupied=field.spec.max_p_occupied,
+        terrain=field.terrain,
+        body=outline_body(field.vehicle),
+        limit_m=MEASURED_CLEARANCE_M,
+    )
+    timings |= {"smoothing": 1e3 * (smoothed - searched), "check": 1e3 * (time.perf_counter() - smoothed)}
+    return Plan(
+        status=PlanStatus.FOUND,
+        reason="",
+        path=ReferencePath(poses=poses + np.array([*field.grid.origin, 0.0])),
+        min_clearance_m=exposure.min_clearance_m,
+        max_p_occupied=exposure.max_p_occupied,
+        risk_m=exposure.risk_m,
+        n_expansions=n_expansions,
+        timings_ms=_with_total(timings),
+    )
+
+
+def compile_kernels() -> None:
+    """Compile every kernel of the planner, or load it from the cache, on a map of a few cells."""
+    grid = OccupancyGrid(p_occupied=np.zeros((40, 120), dtype=np.float32), resolution=0.5, origin=(0.0, 0.0))
+    plan_path(
+        grid,
+        start=(5.0, 10.0, 0.0),
+        goal=(50.0, 10.0, 0.0),
+        vehicle=VehicleGeometry.model_validate({}),
+        spec=PlannerSpec(),
+    )
+
+
+def _obstacle(field: PlanningField, start: Pose) -> tuple[PlanStatus, str] | None:
+    """What stands against any path before a search: an end on a blocked cell, or no corridor between the two."""
+    terrain, spec = field.terrain, field.spec
+    for name, pose, status in (
+        ("start", start, PlanStatus.START_OCCUPIED),
+        ("goal", field.goal, PlanStatus.GOAL_OCCUPIED),
+    ):
+        if not pose_is_free(terrain.distance, terrain.resolution, field.body, *from_corner(field.grid, pose), 0.0):
+            body = f"the {spec.body} touches a cell"
+            inflated = f" within {spec.inflation_radius_m:g} m" if spec.inflation_radius_m > 0 else ""
+            blocked = f"with p_occupied >= {spec.max_p_occupied:g}, or leaves the map"
+            return status, f"at the {name} {_named(pose)} {body}{inflated} {blocked}"
+    (row,), (col,) = field.grid.cell_of(start[:2])
+    if math.isinf(field.cost_to_go[row + 1, col + 1]):
+        way = f"from the start {_named(start)} to the goal {_named(field.goal)}"
+        return PlanStatus.NO_PATH, f"no free corridor, as wide as the body, leads {way}"
+    return None
+
+
+def _path_poses(field: PlanningField, start: FloatArray, segments: FloatArray, max_curvature: float) -> FloatArray:
+    step = PATH_STEP_M if field.spec.body == "outline" else min(PATH_STEP_M, field.terrain.resolution)
+    poses = poses_along(start, segments, max_step_m=step)
+    if not field.spec.smooth:
+        return poses
+    return smoothed_poses(
+        poses,
+        terrain=field.terrain,
+        body=field.body,
+        preferred_clearance_m=field.spec.preferred_clearance_m,
+        max_curvature=max_curvature,
+        max_curvature_jump=field.spec.max_curvature_jump_1pm,
+    )
+
+
+def _without_path(status: PlanStatus, reason: str, *, n_expansions: int = 0, timings: dict[str, float] | None = None) -> Plan:
+    return Plan(
+        status=status,
+        reason=reason,
+        path=None,
+        min_clearance_m=float("nan"),
+        max_p_occupied=float("nan"),
+        risk_m=float("nan"),
+        n_expansions=n_expansions,
+        timings_ms=_with_total(timings or {}),
+    )
+
+
+def _with_total(timings: dict[str, float]) -> dict[str, float]:
+    parts = dict.fromkeys(("distance_field", "heuristic", "search", "smoothing", "check"), 0.0) | timings
+    return parts | {"total": sum(parts.values())}
+
+
+def _named(pose: Pose) -> str:
+    return f"({pose[0]:.2f}, {pose[1]:.2f}, {np.rad2deg(pose[2]):.1f} deg)"

@@ -1,0 +1,42 @@
+"""PlannerSpec: how paths are searched for."""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from wzsumo.grid import FREE_THRESHOLD
+from wzsumo.spec import Spec
+from wzsumo.vehicle import VehicleGeometry
+
+
+class PlannerSpec(Spec):
+    """How a path is searched for on a map. Lengths in metres.
+
+    The paper's way (Chen et al. 2022) is body="point" with inflation_radius_m=0.7, less than half a car's width.
+    """
+
+    planned_speed_mps: float = Field(default=10.0, ge=0, le=60)  # 22 mph in Chen et al. 2022; it limits the curvature
+    max_lateral_acceleration_mps2: float = Field(default=2.0, gt=0)  # comfort limit
+    body: Literal["outline", "point"] = "outline"
+    inflation_radius_m: float = Field(default=0.0, ge=0)
+    max_p_occupied: float = Field(default=FREE_THRESHOLD, gt=0, le=1)  # cells from here on are blocked: unknown is not free
+    preferred_clearance_m: float = Field(default=1.0, gt=0)  # from the outline; less than it costs
+    clearance_cost: float = Field(default=8.0, ge=0)  # a metre without clearance costs 1 + this
+    occupancy_cost: float = Field(default=10.0, ge=0)  # a metre over cells of p costs 1 + this * p
+    heuristic_weight: float = Field(default=1.2, ge=1)  # 1: cheapest path; more: found sooner
+    max_expansions: int = Field(default=100_000, ge=1)  # takes about half a second
+    smooth: bool = True
+    max_curvature_jump_1pm: float = Field(default=0.002, gt=0)  # between poses of the path, 0.5 m apart at most
+
+    def max_curvature(self, vehicle: VehicleGeometry) -> float:
+        """Largest curvature [1/m] by steering angle and by lateral acceleration at the planned speed."""
+        steering = 1 / vehicle.min_turning_radius_m
+        if self.planned_speed_mps == 0:
+            return steering
+        return float(np.minimum(steering, self.max_lateral_acceleration_mps2 / self.planned_speed_mps**2))
+
+    @property
+    def dearest_metre(self) -> float:
+        """Largest cost of a metre of path: without clearance, over cells at the threshold."""
+        return 1 + self.clearance_cost + self.occupancy_cost * self.max_p_occupied

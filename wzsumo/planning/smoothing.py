@@ -1,0 +1,248 @@
+# ruff: noqa: PLR0917  (kernels take many plain arguments by position)
+"""A path without jumps of curvature: third differences made small, the body pushed off obstacles, both ends kept.
+
+Each point is drawn to where the search put it and, where a disc of the body has less than the preferred clearance, away from
+the obstacle; the sum of squared third differences, which stands for the change of curvature, is weighed against that. Every
+round is one banded linear system (Gauss-Newton). Whoever calls this checks the result for contact again.
+Sources: Whittaker, On a New Method of Graduation, 1923 (the penalty); Dolgov et al., IJRR 2010 (the obstacle term).
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from wzsumo.frames import FloatArray
+from wzsumo.path import ReferencePath
+from wzsumo.planning.distance_field import FieldArray
+from wzsumo.planning.footprint import Body, sweep_margin
+from wzsumo.planning.path_check import cost_along, first_contact
+from wzsumo.planning.terrain import Terrain
+
+# Wavelength [m] and share of the preferred clearance that is asked for, tried in turn. On a work zone of 900 m with corridors
+# of 3.6 m, straight, turned and bent, the first gave clearances of 0.51 to 0.65 m (analysis/benchmarks/planning.py).
+_LADDER = (
+    (90.0, 0.7), (60.0, 0.7), (40.0, 0.7), (60.0, 0.35), (40.0, 0.35), (25.0, 0.35), (15.0, 0.2), (8.0, 0.1), (4.0, 0.01),
+)  # fmt: skip
+_DEARER = 1.2  # times the cost of the searched path: a smooth one shall not cut through what that went round
+_FEWEST_POINTS = 9
+_N_ROUNDS = 8
+_SETTLED_M = 0.01  # rounds end when no point moves farther
+_OBSTACLE_WEIGHT = 4.0  # of a missing metre of clearance against a metre off the searched path
+_INSISTED_SHARE = 0.85  # below this share of the clearance asked for the weight grows from round to round,
+_INSISTENCE = 12.0  # by this factor times what is lacking: the nearest obstacles come to count most
+_STRIDE = 2  # obstacles are looked at from every second point, a metre apart
+_BAND = 3
+
+
+def smoothed_poses(
+    poses: FloatArray,
+    *,
+    terrain: Terrain,
+    body: Body,
+    preferred_clearance_m: float,
+    max_curvature: float,
+    max_curvature_jump: float,
+) -> FloatArray:
+    """Poses (n, 3) under the strongest smoothing that keeps off blocked cells and within the limits [1/m].
+
+    `poses` (n, 3) are free and evenly spaced. Clearance and p(occupied) may cost little more than before.
+    Where no smoothing keeps the jumps of curvature within their limit, the one with the least jumps; where none is free and
+    within `max_curvature`, the poses as they were given.
+    """
+    if len(poses) < _FEWEST_POINTS:
+        return poses
+    step = float(np.hypot(*(poses[1, :2] - poses[0, :2])))
+    best, least_jump, most = poses, math.inf, _DEARER * cost_along(poses, terrain)
+    for wavelength_m, clearance_share in _LADDER:
+        points = smooth(
+            poses[:, :2],
+            headings=(poses[0, 2], poses[-1, 2]),
+            wavelength_m=wavelength_m,
+            clearance_m=clearance_share * preferred_clearance_m,
+            terrain=terrain,
+            body=body,
+        )
+        chords = points[2:] - points[:-2]
+        headings = np.concatenate([poses[:1, 2], np.arctan2(chords[:, 1], chords[:, 0]), poses[-1:, 2]])
+        candidate = np.column_stack([points, headings])
+        curvature = ReferencePath(poses=candidate).curvature
+        jump = float(np.abs(np.diff(curvature)).max())
+        if np.abs(curvature).max() > max_curvature or jump >= least_jump:
+            continue
+        if cost_along(candidate, terrain) > most:
+            continue
+        margins = sweep_margin(body, step_m=step) * np.abs(curvature)
+        if first_contact(candidate, margins, terrain, body) < 0:
+            best, least_jump = candidate, jump
+            if jump <= max_curvature_jump:
+                break
+    return best
+
+
+def smooth(
+    points: FloatArray,
+    *,
+    headings: tuple[float, float],
+    wavelength_m: float,
+    clearance_m: float,
+    terrain: Terrain,
+    body: Body,
+) -> FloatArray:
+    """Points (n, 2) near `points` (n, 2), n >= 6, evenly spaced on entry [m]; ends and the headings there are kept.
+
+    Waves shorter than `wavelength_m` are damped to less than half.
+    """
+    step = float(np.hypot(*(points[1] - points[0])))
+    stiffness = (wavelength_m / (2 * math.pi * step)) ** (2 * _BAND)
+    x, y = points[:, 0].copy(), points[:, 1].copy()
+    ways = 2 * step * np.array([[math.cos(heading), math.sin(heading)] for heading in headings])
+    _smooth(x, y, ways, stiffness, clearance_m, terrain, body)
+    return np.column_stack([x, y])
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _smooth(
+    x: FloatArray,
+    y: FloatArray,
+    ways: FloatArray,
+    stiffness: float,
+    clearance_m: float,
+    terrain: Terrain,
+    body: Body,
+) -> None:
+    """Move the inner points of the line in place; `ways` (2, 2) lead from the point before to the one after each end."""
+    n = len(x)
+    searched_x, searched_y, weights = x.copy(), y.copy(), np.empty(n)
+    pull_x, pull_y, insistence = np.empty(n), np.empty(n), np.full(n, _OBSTACLE_WEIGHT)
+    band, lower, step = _bending_matrix(n), np.empty((n, _BAND + 1)), np.empty(n)
+    insisted = body.half_width + _INSISTED_SHARE * clearance_m
+    for _ in range(_N_ROUNDS):
+        for i in range(1, n - 1):
+            weights[i], pull_x[i], pull_y[i] = 1.0, searched_x[i] - x[i], searched_y[i] - y[i]
+        for i in range(1, n - 1, _STRIDE):
+            d_x, d_y = x[i + 1] - x[i - 1], y[i + 1] - y[i - 1]
+            length = math.sqrt(d_x * d_x + d_y * d_y)
+            cos, sin = d_x / length, d_y / length
+            count, push, nearest = _push_off(terrain, body, x[i], y[i], cos, sin, body.half_width + clearance_m)
+            insistence[i] *= 1 + _INSISTENCE * max(insisted - nearest, 0.0) / clearance_m
+            weight = _STRIDE * insistence[i]
+            weights[i] += weight * count
+            pull_x[i] -= weight * push * sin
+            pull_y[i] += weight * push * cos
+        _add_bending(x, ways[0, 0], ways[1, 0], stiffness, pull_x)
+        _add_bending(y, ways[0, 1], ways[1, 1], stiffness, pull_y)
+        _factorise(band, weights, stiffness, lower)
+        moved = max(_advance(x, pull_x, lower, step), _advance(y, pull_y, lower, step))
+        if moved < _SETTLED_M:
+            break
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _push_off(
+    terrain: Terrain, body: Body, x: float, y: float, cos: float, sin: float, needed: float
+) -> tuple[int, float, float]:
+    """(Number of obstacles too near to the discs, sum of the pushes to the left [m], distance [m] of the nearest one)."""
+    count, push, nearest = 0, 0.0, math.inf
+    for offset in body.disc_offsets:
+        disc_x, disc_y = x + cos * offset, y + sin * offset
+        near, slope_x, slope_y = _distance_and_slope(terrain.distance, terrain.resolution, disc_x, disc_y)
+        nearest = min(nearest, near)
+        if near >= needed:
+            continue
+        steepness = max(math.sqrt(slope_x * slope_x + slope_y * slope_y), 0.5)
+        away_x, away_y = slope_x / steepness, slope_y / steepness
+        # As far as the near obstacle lies behind, the way away from it is free. What lies ahead from there pushes back.
+        ahead = (
+            near + _distance_and_slope(terrain.distance, terrain.resolution, disc_x + near * away_x, disc_y + near * away_y)[0]
+        )
+        missing_ahead = max(needed - ahead, 0.0)
+        count += 2 if missing_ahead > 0 else 1
+        # Only across the path: along it a push would bunch the points.
+        push += (needed - near - missing_ahead) * (cos * away_y - sin * away_x)
+    return count, push, nearest
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _distance_and_slope(distance: FieldArray, resolution: float, x: float, y: float) -> tuple[float, float, float]:
+    """Distance [m] at a point, bilinear between cell centres, and its gradient."""
+    rows, cols = distance.shape
+    u = min(max(x / resolution - 0.5, 0.0), cols - 1.0)
+    v = min(max(y / resolution - 0.5, 0.0), rows - 1.0)
+    col, row = max(min(int(u), cols - 2), 0), max(min(int(v), rows - 2), 0)
+    next_col, next_row = min(col + 1, cols - 1), min(row + 1, rows - 1)
+    u, v = u - col, v - row
+    low_left, low_right = distance[row, col], distance[row, next_col]
+    high_left, high_right = distance[next_row, col], distance[next_row, next_col]
+    low, high = low_left + u * (low_right - low_left), high_left + u * (high_right - high_left)
+    slope_x = ((1 - v) * (low_right - low_left) + v * (high_right - high_left)) / resolution
+    return low + v * (high - low), slope_x, (high - low) / resolution
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _bending_matrix(n: int) -> FloatArray:
+    """Lower band (n, 4) of D'D: [i, k] = (D'D)[i, i - k], D the third differences 1, -3, 3, -1 of the line.
+
+    At each end one more difference reaches to a mirror point beyond it, from where the way to the point inside is given: so the
+    heading is kept and the curvature is free.
+    """
+    band = np.zeros((n, _BAND + 1))
+    factors = (-1.0, 3.0, -3.0, 1.0)
+    for first in range(n - _BAND):
+        for one in range(4):
+            for other in range(one + 1):
+                band[first + one, one - other] += factors[one] * factors[other]
+    for end, beside in ((1, 2), (n - 2, n - 3)):
+        band[end, 0] += 16.0
+        band[beside, 0] += 1.0
+        band[max(end, beside), 1] -= 4.0
+    return band
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _add_bending(line: FloatArray, first_way: float, last_way: float, stiffness: float, pull: FloatArray) -> None:
+    """Add to the pull on one coordinate what straightens the line: minus the gradient of half the squared differences."""
+    n = len(line)
+    bend = stiffness * (line[2] - 4 * line[1] + 3 * line[0] + first_way)
+    pull[1] += 4 * bend
+    pull[2] -= bend
+    for i in range(n - _BAND):
+        bend = stiffness * (line[i + 3] - 3 * line[i + 2] + 3 * line[i + 1] - line[i])
+        pull[i] += bend
+        pull[i + 1] -= 3 * bend
+        pull[i + 2] += 3 * bend
+        pull[i + 3] -= bend
+    bend = stiffness * (4 * line[n - 2] + last_way - 3 * line[n - 1] - line[n - 3])
+    pull[n - 2] -= 4 * bend
+    pull[n - 3] += bend
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _factorise(band: FloatArray, weights: FloatArray, stiffness: float, lower: FloatArray) -> None:
+    """Cholesky factor of W + stiffness D'D for the inner points: lower[i, k] = L[i, i - k]."""
+    for i in range(1, len(weights) - 1):
+        inner = min(i - 1, _BAND)
+        for back in range(inner, -1, -1):
+            value = stiffness * band[i, back]
+            for further in range(back + 1, inner + 1):
+                value -= lower[i, further] * lower[i - back, further - back]
+            lower[i, back] = value / lower[i - back, 0] if back > 0 else math.sqrt(value + weights[i])
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _advance(line: FloatArray, pull: FloatArray, lower: FloatArray, step: FloatArray) -> float:
+    """Move one coordinate of the inner points to where pull and bending balance; returns the largest move [m]."""
+    n, moved = len(line), 0.0
+    for i in range(1, n - 1):
+        value = pull[i]
+        for back in range(1, min(i - 1, _BAND) + 1):
+            value -= lower[i, back] * step[i - back]
+        step[i] = value / lower[i, 0]
+    for i in range(n - 2, 0, -1):
+        value = step[i]
+        for ahead in range(1, min(n - 2 - i, _BAND) + 1):
+            value -= lower[i + ahead, ahead] * step[i + ahead]
+        step[i] = value / lower[i, 0]
+        line[i] += step[i]
+        moved = max(moved, abs(step[i]))
+    return moved

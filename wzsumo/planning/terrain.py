@@ -1,0 +1,79 @@
+"""The map as the kernels see it: how far obstacles are, and what a metre of path costs in each cell.
+
+Kernels work in metres from the map's lower-left corner.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.distance_field import FieldArray, distance_field
+from wzsumo.planning.footprint import Body, inscribed_radius
+from wzsumo.planning.planner_spec import PlannerSpec
+
+
+class Terrain(NamedTuple):
+    """Fields of one map for one body."""
+
+    distance: (
+        FieldArray  # (rows, cols) m from a cell's centre to the nearest blocked square, less the inflation radius; 0: blocked
+    )
+    multiplier: FieldArray  # (rows + 2, cols + 2) cost of a metre, >= 1; infinite where no axle can be and around the map
+    p_occupied: FieldArray  # (rows, cols)
+    resolution: float  # m
+
+
+def terrain_of(grid: OccupancyGrid, *, body: Body, spec: PlannerSpec, reach_m: float) -> Terrain:
+    """The terrain of a map; distances are clipped at `reach_m` [m]."""
+    # One kind of array for the kernels, own and writable: they are compiled for no other.
+    p_occupied = np.require(grid.p_occupied, dtype=np.float32, requirements=["C", "W"])
+    resolution = float(grid.resolution)
+    distance = distance_field(
+        p_occupied,
+        max_p_occupied=spec.max_p_occupied,
+        resolution=resolution,
+        limit_m=reach_m + spec.inflation_radius_m,
+    )
+    if spec.inflation_radius_m > 0:
+        distance = np.maximum(distance - np.float32(spec.inflation_radius_m), np.float32(0))
+    multiplier = _multiplier(
+        distance,
+        p_occupied,
+        np.float32(inscribed_radius(body)),
+        np.float32(resolution * np.sqrt(0.5)),
+        np.float32(1 / spec.preferred_clearance_m),
+        np.float32(spec.clearance_cost),
+        np.float32(spec.occupancy_cost),
+    )
+    return Terrain(distance=distance, multiplier=multiplier, p_occupied=p_occupied, resolution=resolution)
+
+
+# No value is nan: without that case the compiler turns the loop over a row into vector code.
+@njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})  # type: ignore[untyped-decorator]
+def _multiplier(  # noqa: PLR0917
+    distance: FieldArray,
+    p_occupied: FieldArray,
+    inscribed: np.float32,
+    half_diagonal: np.float32,
+    per_clearance: np.float32,
+    clearance_cost: np.float32,
+    occupancy_cost: np.float32,
+) -> FieldArray:
+    """Cost of a metre in each cell, inside a border of one cell."""
+    rows, cols = distance.shape
+    multiplier = np.empty((rows + 2, cols + 2), dtype=np.float32)
+    zero, one, infinite = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
+    for col in range(cols + 2):
+        multiplier[0, col] = multiplier[rows + 1, col] = infinite
+    for row in range(rows):
+        multiplier[row + 1, 0] = multiplier[row + 1, cols + 1] = infinite
+        for col in range(cols):
+            apart = distance[row, col]
+            lacking = min(max(one - (apart - inscribed) * per_clearance, zero), one)
+            cost = one + clearance_cost * lacking * lacking + occupancy_cost * p_occupied[row, col]
+            # A point of the cell may be half a diagonal farther from the obstacle than its centre.
+            fits = (apart > zero) & (apart + half_diagonal >= inscribed)
+            multiplier[row + 1, col + 1] = cost if fits else infinite
+    return multiplier
