@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917  (kernels take many plain arguments by position)
 """The analytic end of a search: the cheapest Dubins curve from a state to the goal that the body can follow.
 
 Clearance and p(occupied) cost here what they cost in the search; every curvature of the search is tried, gentle ones too.

@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917  (kernels take many plain arguments by position)
 """Dubins' curves: the shortest ways, forward only, between two poses along arcs of one radius and straights.
 
 Source: Dubins 1957; closed forms of the six words after Shkel and Lumelsky, Classification of the Dubins set, 2001.

@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917  (kernels take many plain arguments by position)
 """Whether the exact outline of the vehicle, or a point, keeps off blocked cells.
 
 Kernels work in metres from the map's lower-left corner; `x, y, heading` is the REAR AXLE. A cell is blocked where the distance

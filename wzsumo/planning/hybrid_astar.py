@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917  (kernels take many plain arguments by position)
 """Hybrid A*: best-first search over arcs of the rear axle, with continuous poses and states told apart by bins.
 
 Kernels work in metres from the map's lower-left corner.

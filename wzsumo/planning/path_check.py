@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917  (kernels take many plain arguments by position)
 """What the exact outline meets along a path: contact, clearance, p(occupied). Metres from the map's lower-left corner."""
 
 import math

@@ -1,4 +1,3 @@
-# ruff: noqa: PLR0917  (kernels take many plain arguments by position)
 """A path without jumps of curvature: third differences made small, the body pushed off obstacles, both ends kept.
 
 Each point is drawn to where the search put it and, where a disc of the body has less than the preferred clearance, away from

@@ -72,11 +72,10 @@ def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
         for number, part in enumerate(getattr(area, "geoms", [area])):
             shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in part.exterior.coords)
             ET.SubElement(root, "poly", id=f"{name}_{number}", color=colour, fill="1", layer="-1", shape=shape, type=name)
-    for number, device in enumerate(layout.devices.itertuples()):
-        ET.SubElement(
-            root, "poly", id=f"device_{number:03d}", color="213,94,0", fill="1", layer="5", type=str(device.kind),
-            shape=" ".join(f"{x:.3f},{y:.3f}" for x, y in _circle(device.x_m, device.y_m, device.radius_m)),
-        )  # fmt: skip
+    outlines = layout.devices[["x_m", "y_m", "radius_m"]].to_numpy(dtype=float)
+    for number, (x, y, radius) in enumerate(outlines):
+        shape = " ".join(f"{px:.3f},{py:.3f}" for px, py in _circle(x, y, radius))
+        ET.SubElement(root, "poly", id=f"device_{number:03d}", color="213,94,0", fill="1", layer="5", shape=shape)
     path = folder / "zone.add.xml"
     write_xml(root, path)
     return path

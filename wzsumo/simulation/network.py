@@ -6,6 +6,7 @@ changes its width by more than MAX_WIDTH_STEP_M on any of them, each lane with a
 
 import subprocess
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -45,7 +46,7 @@ def edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
     """The edges from the road's start to its end, each with at least one lane."""
     cuts = _cuts(layout)
     edges = []
-    for number, (start, end) in enumerate(zip(cuts[:-1], cuts[1:], strict=True)):
+    for number, (start, end) in enumerate(pairwise(cuts)):
         middle = (start + end) / 2
         lanes = sorted((q for q in layout.lanes if q.start <= middle < _passable_end(q)), key=lambda q: q.index)
         name = next((area.name for area in layout.areas if area.start <= middle < area.end), "")
@@ -61,29 +62,7 @@ def write_network(layout: WorkZoneLayout, folder: Path) -> Path:
     for number, s in enumerate([edges[0].start, *(edge.end for edge in edges)]):
         x, y = layout.road.to_xy(s, layout.road.travelled_width / 2)
         ET.SubElement(nodes, "node", id=f"n{number}", x=f"{x:.4f}", y=f"{y:.4f}", type="priority")
-    speed = f"{mps_from_mph(layout.work_zone.posted_speed_mph):.3f}"
-    edge_list, connections = ET.Element("edges"), ET.Element("connections")
-    for number, edge in enumerate(edges):
-        item = ET.SubElement(
-            edge_list, "edge", {"id": edge.id, "from": f"n{number}", "to": f"n{number + 1}", "speed": speed,
-                                "numLanes": str(len(edge.lanes)), "spreadType": "center"}
-        )  # fmt: skip
-        for index, lane in enumerate(edge.lanes):
-            shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _centre_line(layout, lane, edge))
-            attributes = {"index": str(index), "width": f"{_width_on(lane, edge):.3f}", "shape": shape}
-            if _is_closing(lane, edge):
-                attributes["disallow"] = "truck"  # wider than the lane's end: trucks merge before the taper
-            ET.SubElement(item, "lane", attributes)
-    for before, after in zip(edges[:-1], edges[1:], strict=True):
-        for index, lane in enumerate(before.lanes):
-            onward = after.sumo_index(lane.index)
-            if onward is not None:
-                ET.SubElement(
-                    connections,
-                    "connection",
-                    {"from": before.id, "to": after.id, "fromLane": str(index), "toLane": str(onward)},
-                )
-    parts = {"node": nodes, "edge": edge_list, "connection": connections}
+    parts = {"node": nodes, "edge": _edge_list(layout, edges), "connection": _connections(edges)}
     files = {kind: folder / f"zone.{kind[:3]}.xml" for kind in parts}
     for kind, root in parts.items():
         write_xml(root, files[kind])
@@ -103,6 +82,31 @@ def write_xml(root: ET.Element, path: Path) -> None:
     ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
 
+def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
+    root, speed = ET.Element("edges"), f"{mps_from_mph(layout.work_zone.posted_speed_mph):.3f}"
+    for number, edge in enumerate(edges):
+        ends = {"id": edge.id, "from": f"n{number}", "to": f"n{number + 1}"}
+        item = ET.SubElement(root, "edge", ends, speed=speed, numLanes=str(len(edge.lanes)), spreadType="center")
+        for index, lane in enumerate(edge.lanes):
+            shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _centre_line(layout, lane, edge))
+            attributes = {"index": str(index), "width": f"{_width_on(lane, edge):.3f}", "shape": shape}
+            if _is_closing(lane, edge):
+                attributes["disallow"] = "truck"  # wider than the lane's end: trucks merge before the taper
+            ET.SubElement(item, "lane", attributes)
+    return root
+
+
+def _connections(edges: tuple[Edge, ...]) -> ET.Element:
+    root = ET.Element("connections")
+    for before, after in pairwise(edges):
+        for index, lane in enumerate(before.lanes):
+            onward = after.sumo_index(lane.index)
+            if onward is not None:
+                ends = {"from": before.id, "to": after.id}
+                ET.SubElement(root, "connection", ends, fromLane=str(index), toLane=str(onward))
+    return root
+
+
 def _cuts(layout: WorkZoneLayout) -> FloatArray:
     """Stations where a lane begins, ends, bends or has changed its width by a step."""
     breaks = {0.0, layout.road.length}
@@ -113,7 +117,7 @@ def _cuts(layout: WorkZoneLayout) -> FloatArray:
     stations = np.array(sorted(breaks))
     stations = stations[np.concatenate([[True], np.diff(stations) > 1e-3])]
     pieces = []
-    for start, end in zip(stations[:-1], stations[1:], strict=True):
+    for start, end in pairwise(stations):
         middle = (start + end) / 2
         on_it = [lane for lane in layout.lanes if lane.start <= middle < _passable_end(lane)]
         change = max(abs(_width(lane, end) - _width(lane, start)) for lane in on_it)
