@@ -42,7 +42,7 @@ def run_em(blocks: PointBlocks, start: Components, *, reg_covar: float, tol: flo
     Stops where the mean log-likelihood of a point changes by less than `tol` in an iteration.
     """
     end = Components(*(part.copy() for part in start))
-    log_likelihood, converged = _iterate(blocks.x, blocks.y, blocks.boxes, *end, reg_covar, tol, max_iterations)
+    log_likelihood, converged = _iterate(blocks.x, blocks.y, blocks.boxes, BLOCK_SIZE, *end, reg_covar, tol, max_iterations)
     return Fit(end, float(log_likelihood), bool(converged))
 
 
@@ -113,17 +113,17 @@ def _candidates(box, rows, chosen):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
-def _pass(x, y, boxes, rows, sums):  # type: ignore[no-untyped-def]
+def _pass(x, y, boxes, block_size, rows, sums):  # type: ignore[no-untyped-def]  # noqa: PLR0917
     """Log-likelihood of all points; adds r, r u, r v, r u u, r u v, r v v of every component to `sums` (k, 6)."""
     n, k = len(x), len(rows)
     chosen = np.empty(k, dtype=np.int64)
-    log_density = np.empty((k, BLOCK_SIZE))
-    top = np.empty(BLOCK_SIZE)
-    total = np.empty(BLOCK_SIZE)
+    log_density = np.empty((k, block_size))
+    top = np.empty(block_size)
+    total = np.empty(block_size)
     log_likelihood = 0.0
     for block in range(len(boxes)):
-        first = block * BLOCK_SIZE
-        size = min(BLOCK_SIZE, n - first)
+        first = block * block_size
+        size = min(block_size, n - first)
         count = _candidates(boxes[block], rows, chosen)
         top[:size] = -np.inf
         for i in range(count):
@@ -189,20 +189,20 @@ def _maximise(sums, n, reg_covar, weights, means, covariances):  # type: ignore[
 
 
 @njit(cache=True)
-def _iterate(x, y, boxes, weights, means, covariances, reg_covar, tol, max_iterations):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+def _iterate(x, y, boxes, block_size, weights, means, covariances, reg_covar, tol, max_iterations):  # type: ignore[no-untyped-def]  # noqa: PLR0917
     n = len(x)
     sums = np.zeros((len(weights), 6))
     before = -np.inf
     converged = False
     for _ in range(max_iterations):
         sums[:] = 0.0
-        mean_log_likelihood = _pass(x, y, boxes, _densities_of(weights, means, covariances), sums) / n
+        mean_log_likelihood = _pass(x, y, boxes, block_size, _densities_of(weights, means, covariances), sums) / n
         _maximise(sums, n, reg_covar, weights, means, covariances)
         if abs(mean_log_likelihood - before) < tol:
             converged = True
             break
         before = mean_log_likelihood
-    return _pass(x, y, boxes, _densities_of(weights, means, covariances), sums), converged
+    return _pass(x, y, boxes, block_size, _densities_of(weights, means, covariances), sums), converged
 
 
 @njit(cache=True)

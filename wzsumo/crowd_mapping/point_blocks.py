@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from wzsumo.frames import FloatArray
 
-BLOCK_SIZE = 64  # points
+BLOCK_SIZE = 128  # points; of 32, 64 and 128 the fastest per iteration by a little (analysis/benchmarks/mixture.py)
 ALONG_TO_ACROSS = 10.0  # blocks are made longer than wide, as the components of road traces are
 
 
