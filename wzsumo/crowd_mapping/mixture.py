@@ -18,6 +18,7 @@ from wzsumo.crowd_mapping.expectation_maximisation import (
     to_block_axes,
     to_world_axes,
 )
+from wzsumo.crowd_mapping.lane_changes import relative_lanes
 from wzsumo.crowd_mapping.point_blocks import PointBlocks, block_points
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
@@ -128,9 +129,10 @@ def mixture_of(blocks: PointBlocks, fit: Fit) -> Mixture:
 
 
 def compile_kernels() -> None:
-    """Compile or load the kernels of this module, so that the first real call does not wait."""
+    """Compile or load all kernels of crowd mapping, so that the first real call does not wait."""
     points = np.random.default_rng(0).normal(size=(100, 2))
     fit_mixture(points, n_components=2, seed=0).log_density(points)
+    relative_lanes(np.zeros((1, 2)), np.ones(2), drift_variance=1.0, white_variance=1.0)
 
 
 def check_points(points: npt.ArrayLike, *, n_components: int) -> FloatArray:

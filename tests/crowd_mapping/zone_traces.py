@@ -1,0 +1,111 @@
+"""Synthetic traces through work zones, two families: drivers on a MUTCD layout, and free curves with a drifting error."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from shapely.geometry.base import BaseGeometry
+
+from wzsumo.mutcd.layout import lay_out
+from wzsumo.road import Bend, Road, RoadSpec
+from wzsumo.sensing.gnss import GnssSpec, report
+from wzsumo.work_zone import WorkZone, WorkZoneLayout
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """True traces of a fleet through a zone, and the truth."""
+
+    traces: pd.DataFrame
+    drivable: BaseGeometry
+    layout: WorkZoneLayout
+    start: float
+    end: float
+
+
+def smooth_step(t):
+    t = np.clip(t, 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def zone_layout(*, lanes=2, closed=(1,), bend=False, shift_ft=10.0, tangent_ft=None, width_ft=12.0, speed_mph=60.0):
+    alignment = (
+        (Bend(length_ft=1500), Bend(length_ft=700, end_radius_ft=3500), Bend(length_ft=4800, radius_ft=3500))
+        if bend
+        else (Bend(length_ft=7000),)
+    )
+    road = RoadSpec(
+        lane_count=lanes, lane_width_ft=width_ft, left_shoulder_ft=10, right_shoulder_ft=12, alignment=alignment
+    ).build()
+    zone = WorkZone(
+        posted_speed_mph=speed_mph,
+        start_ft=1300,
+        closed_lanes=closed,
+        shift_ft=shift_ft,
+        work_length_ft=650,
+        taper_tangent_ft=tangent_ft,
+    )
+    return lay_out(zone, road)
+
+
+def drive(layout, n, *, seed, wander_sd=0.06, habit_sd=0.2, step_s=0.1):
+    """Drivers on the lanes of a layout: closed-lane drivers merge somewhere from 250 m ahead of the taper to its end."""
+    random = np.random.default_rng(seed)
+    road: Road = layout.road
+    tapers = [a for a in layout.areas if a.name.startswith("merging taper")]
+    closed = set(layout.work_zone.closed_lanes)
+    open_lanes = [i for i in range(len(road.lane_widths)) if i not in closed]
+    left = max(closed, default=-1) > max(open_lanes)
+    s_end = min(layout.end + 150, road.length - 5)
+    s_begin = max(layout.start - 350, 5.0)
+    parts = []
+    for i in range(n):
+        lane = int(random.integers(len(road.lane_widths)))
+        speed = random.uniform(18, 28)
+        s = np.arange(s_begin + random.uniform(0, 3), s_end, speed * step_s)
+        d = lane_centre(layout, lane if lane not in closed else None, s) if lane not in closed else np.zeros_like(s)
+        if lane in closed:
+            # From the outermost inwards, one merge per closed lane.
+            inwards = sorted((c for c in closed if (c <= lane if left else c >= lane)), reverse=left)
+            d = np.full_like(s, road.lane_centre(lane))
+            order = sorted(closed, reverse=left)
+            for current in inwards:
+                taper = tapers[order.index(current)]
+                target = current - 1 if left else current + 1
+                length = speed * random.uniform(3, 5)
+                latest = taper.start + 0.55 * taper.length - length
+                begin = max(latest - random.exponential(90.0), s_begin + 20)
+                goal = lane_centre(layout, target, s) if target not in closed else np.full_like(s, road.lane_centre(target))
+                d = d + smooth_step((s - begin) / length) * (goal - d)
+        wander = wander_sd * np.cumsum(random.standard_normal(len(s))) * np.sqrt(step_s)
+        wander -= wander.mean()
+        xy = road.to_xy(s, d + habit_sd * random.standard_normal() + wander)
+        parts.append(
+            pd.DataFrame({"vehicle_id": f"v{i}", "time_s": np.arange(len(s)) * step_s, "x_m": xy[:, 0], "y_m": xy[:, 1]})
+        )
+    return Zone(
+        traces=pd.concat(parts, ignore_index=True),
+        drivable=layout.drivable_between(s_begin, layout.end),
+        layout=layout,
+        start=layout.start,
+        end=layout.end,
+    )
+
+
+def lane_centre(layout, lane, s):
+    for open_lane in layout.lanes:
+        if open_lane.index == lane and open_lane.start <= 0.0 and open_lane.end >= layout.road.length - 1e-6:
+            return smooth((open_lane.right(s) + open_lane.left(s)) / 2, s)
+    raise KeyError(lane)
+
+
+def smooth(d, s):
+    """Drivers round off the kinks of lane lines over some 30 m."""
+    width = max(1, round(30 / np.diff(s).mean()))
+    kernel = np.hanning(width + 2)[1:-1]
+    padded = np.pad(d, width, mode="edge")
+    return np.convolve(padded, kernel / kernel.sum(), mode="same")[width:-width]
+
+
+def noisy(zone, error_m, *, seed, interval_s=0.1):
+    return report(zone.traces, spec=GnssSpec(error_m=error_m, sampling_interval_s=interval_s), seed=seed)
