@@ -109,3 +109,58 @@ def smooth(d, s):
 
 def noisy(zone, error_m, *, seed, interval_s=0.1):
     return report(zone.traces, spec=GnssSpec(error_m=error_m, sampling_interval_s=interval_s), seed=seed)
+
+
+def drive_like_a_simulator(layout, n, *, seed, step_s=0.1, upstream=(150.0, 550.0), overtaking=0.2, jam=False):
+    """The other family: vehicles on exact lane centres with kinks, quick straight lane changes far ahead of the taper.
+
+    Some change to a neighbouring lane and back on the way up; in a jam they creep for a while, so that fixes bunch.
+    """
+    random = np.random.default_rng(seed + 1000)
+    road: Road = layout.road
+    tapers = [a for a in layout.areas if a.name.startswith("merging taper")]
+    closed = sorted(layout.work_zone.closed_lanes)
+    count = len(road.lane_widths)
+    left = bool(closed) and closed[-1] == count - 1
+    order = closed[::-1] if left else closed
+    s_begin, s_end = max(layout.start - 350, 5.0), min(layout.end + 150, road.length - 5)
+    middle = {
+        lane.index: (lane.right, lane.left) for lane in layout.lanes if lane.start <= 0.0 and lane.end >= road.length - 1e-6
+    }
+    parts = []
+    for i in range(n):
+        speed, lane = random.uniform(20, 29), int(random.integers(count))
+        time = np.arange(0, 600, step_s)
+        pace = np.full(len(time), speed)
+        if jam:
+            pace[(time > random.uniform(3, 8)) & (time < random.uniform(15, 30))] = 2.0
+        s = s_begin + random.uniform(0, 30) + np.cumsum(pace) * step_s
+        s = s[s < s_end]
+        place = np.full(len(s), float(lane))
+        if random.random() < overtaking and lane not in closed:
+            other = lane + (1 if lane + 1 < count and lane + 1 not in closed else -1)
+            if 0 <= other < count and other not in closed:
+                at = s_begin + random.uniform(20, 60)
+                place += (other - lane) * (np.clip((s - at) / 45, 0, 1) - np.clip((s - at - 120) / 45, 0, 1))
+        current = lane
+        while current in closed:
+            target = current - 1 if left else current + 1
+            taper = tapers[order.index(current)]
+            at = max(taper.end - random.uniform(*upstream), s_begin + 5, s[0])
+            place += (target - current) * np.clip((s - at) / random.choice([2.0, 60.0]), 0, 1)
+            current = target
+        d = np.interp(place, np.arange(count), [road.lane_centre(k) for k in range(count)])
+        inside = np.array([np.interp(s, *((p.stations, p.offsets))) for pair in middle.values() for p in pair])
+        lanes = np.array(list(middle))
+        centres = (inside[0::2] + inside[1::2]) / 2
+        for row, k in zip(centres, lanes, strict=True):
+            d += (row - road.lane_centre(k)) * np.clip(1 - np.abs(place - k), 0, 1)
+        xy = road.to_xy(s, d)
+        parts.append(pd.DataFrame({"vehicle_id": f"m{i}", "time_s": time[: len(s)], "x_m": xy[:, 0], "y_m": xy[:, 1]}))
+    return Zone(
+        traces=pd.concat(parts, ignore_index=True),
+        drivable=layout.drivable_between(s_begin, layout.end),
+        layout=layout,
+        start=layout.start,
+        end=layout.end,
+    )

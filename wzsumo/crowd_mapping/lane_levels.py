@@ -6,13 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from wzsumo.crowd_mapping.common_path import CommonPath
-from wzsumo.crowd_mapping.lane_changes import CHANGE_COST, CHANGE_STATIONS
+from wzsumo.crowd_mapping.lane_changes import CHANGE_STATIONS
 from wzsumo.frames import FloatArray
 
 MAX_OPEN_LANES = 4
 LEAST_SPREAD_M = 0.08  # between traces: drivers differ by 0.2 to 0.4 m, simulated ones may not at all
 SPREAD_PRIOR_M, SPREAD_PRIOR_COUNT = 0.35, 1.0  # as much as one trace of such a spread
-WRONG_LANE_CHANCE = 0.03  # that a vehicle out of a closed lane goes on at once to a lane beyond the next
+WRONG_LANE_CHANCE = 0.1  # that a vehicle that moved inwards was not in a closed lane, or went on to a lane beyond the next
+OUT_OF_PLACE_COST = 4.0  # -log of the chance that a vehicle moves towards a closed side for good: one in 50
 CHANGE_WINDOW = 12  # stations to either side of a lane change that tell how far it went
 
 
@@ -49,9 +50,9 @@ def fit_lane_levels(
     outer, outer_sd = _width_from_changes(path, offsets, width)
     core = _core_station(path, outer, weights)
     at_core = path.levels + outer * path.lanes[:, core]
-    # Lanes that each trace has moved to the left by the core, from where it was farthest off before.
-    moved = path.lanes[:, [core]] - path.lanes[:, : core + 1]
-    merged = np.rint(moved[np.arange(len(moved)), np.abs(moved).argmax(axis=1)])
+    # Lanes that each trace moved to the left on its way to the core; only the way that most went leaves closed lanes.
+    moved = np.rint(path.lanes[:, core] - path.lanes[:, 0])
+    merged = np.where(moved * (weights @ moved) > 0, moved, 0.0)
     counts = [*range(1, MAX_OPEN_LANES + 1)] if n_lanes is None else [n_lanes]
     fits = [_tied_mixture(at_core, merged, k, width=(outer, np.hypot(outer_sd, 0.08)), weights=weights) for k in counts]
     best = max(fits, key=lambda fit: fit.evidence)
@@ -102,22 +103,22 @@ def _width_from_changes(path: CommonPath, offsets: FloatArray, prior: tuple[floa
 def _core_station(path: CommonPath, width: float, weights: FloatArray) -> int:
     """Index of the station between the vehicles that leave closed lanes and those that take them again.
 
-    For either side, changes away from it are counted that come after a station and changes towards it that come before.
-    Where all go one way, leaving one side looks like taking the other: then the traces lie closer together at the core.
+    For either side, lanes are counted that traces still move away from it after a station or moved towards it before; one
+    who overtakes and returns does neither. Where all go one way, leaving one side looks like taking the other: then the
+    traces lie closer together at the core.
     """
-    step = np.diff(path.lanes, axis=1)
-    left, right = (np.r_[0.0, np.cumsum(weights @ np.maximum(sign * step, 0.0))] for sign in (1, -1))
+    before, after = path.lanes - path.lanes[:, :1], path.lanes[:, -1:] - path.lanes
     places = path.levels[:, None] + width * path.lanes
     mean = weights @ places / weights.sum()
     variance = weights @ (places - mean) ** 2 / weights.sum() + LEAST_SPREAD_M**2
     tries = []
-    for away, towards in ((right, left), (left, right)):
-        out_of_place = away[-1] - away + towards
+    for outwards in (1, -1):  # the closed side: left, right
+        out_of_place = weights @ (np.maximum(-outwards * after, 0.0) + np.maximum(outwards * before, 0.0))
         best = out_of_place <= out_of_place.min() + 1e-6
         runs = np.flatnonzero(np.diff(np.r_[0, best.astype(int), 0])).reshape(-1, 2)
         start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
         core = int((start + end - 1) // 2)
-        tries.append((CHANGE_COST * out_of_place.min() + 0.5 * weights.sum() * np.log(variance[core]), core))
+        tries.append((OUT_OF_PLACE_COST * out_of_place.min() + 0.5 * weights.sum() * np.log(variance[core]), core))
     return min(tries)[1]
 
 
