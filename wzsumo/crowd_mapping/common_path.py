@@ -4,7 +4,7 @@ A trace's offset at a station is modelled as  y = c(s) + w h(s) + b + e(s):  com
 the trace (its GNSS bias, its driver's habit and the lane it started in), remainder e that drifts and scatters.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -48,39 +48,28 @@ def fit_common_path(offsets: FloatArray, *, width: float, weights: FloatArray) -
     tries = [_from_guess(offsets[some], _filled(offsets[i]), width=width, weights=weights[some]) for i in guesses]
     # A guess that itself changes lanes makes all others change: the cheapest is the common one; among equals the calmest.
     best = min(tries, key=lambda path: path.cost + _turning(path.course))
-    return refine(best, offsets, width=width, weights=weights, rounds=ROUNDS)
-
-
-def _from_guess(offsets: FloatArray, guess: FloatArray, *, width: float, weights: FloatArray) -> CommonPath:
-    """A path from one guess of the course; its cost is counted with the same noise for all guesses."""
-    lanes, _ = _labelled(offsets, guess, width, FIRST_DRIFT_M, FIRST_NOISE_M)
-    best = _relabelled(
-        offsets, _refit(offsets, lanes, width=width, weights=weights, cost=0.0), 0.0, width=width, weights=weights
-    )
-    for _ in range(2):
-        # What most traces do beside the course may be the course's own doing: then the others need fewer changes.
-        moved = _relabelled(offsets, best, width * np.median(best.lanes, axis=0), width=width, weights=weights)
-        again = _relabelled(offsets, best, 0.0, width=width, weights=weights)
-        best = min((best, again, moved), key=lambda path: path.cost)
-    return best
-
-
-def _relabelled(
-    offsets: FloatArray, path: CommonPath, shift: FloatArray | float, *, width: float, weights: FloatArray
-) -> CommonPath:
-    lanes, cost = _labelled(offsets, path.course + shift, width, FIRST_DRIFT_M, FIRST_NOISE_M)
-    return _refit(offsets, lanes, width=width, weights=weights, cost=cost)
-
-
-def refine(path: CommonPath, offsets: FloatArray, *, width: float, weights: FloatArray, rounds: int) -> CommonPath:
-    """The path after some rounds of finding lanes from the course and the course from the lanes."""
-    for _ in range(rounds):
+    path = best
+    for _ in range(ROUNDS):
         lanes, cost = _labelled(offsets, path.course, width, path.drift_m, path.noise_m)
-        same = lanes.shape == path.lanes.shape and np.array_equal(lanes, path.lanes)
+        same = np.array_equal(lanes, path.lanes)
         path = _refit(offsets, lanes, width=width, weights=weights, cost=cost)
         if same:
             break
     return path
+
+
+def extend(path: CommonPath, offsets: FloatArray, lanes: FloatArray, *, width: float, weights: FloatArray) -> CommonPath:
+    """The path for more (or other) traces of known lanes: one round of levels and course, sizes as they were."""
+    known = np.isfinite(offsets)
+    rest = np.where(known, offsets - width * lanes, 0.0)
+    levels = (known * (rest - path.course)).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    miss = rest - path.course - levels[:, None]
+    w = weights[:, None] * known * np.minimum(1.0, 3 * path.noise_m / np.maximum(np.abs(miss), 1e-9))
+    total = w.sum(axis=0)
+    moved = np.where(total > 0, (w * miss).sum(axis=0) / np.maximum(total, 1e-12), 0.0)
+    course = trend_filter(path.course + moved, total / path.noise_m**2, scale=KINK_SCALE_M)
+    middle = float(course.mean())
+    return replace(path, course=course - middle, lanes=lanes, levels=levels + middle)
 
 
 def trend_filter(values: FloatArray, precisions: FloatArray, *, scale: float) -> FloatArray:
@@ -105,6 +94,27 @@ def trend_filter(values: FloatArray, precisions: FloatArray, *, scale: float) ->
         course = solveh_banded(bands, precisions * filled)
         curvature_weight = 1 / (scale * np.maximum(np.abs(np.diff(course, 2)), 1e-4))
     return np.asarray(course)
+
+
+def _from_guess(offsets: FloatArray, guess: FloatArray, *, width: float, weights: FloatArray) -> CommonPath:
+    """A path from one guess of the course; its cost is counted with the same noise for all guesses."""
+    lanes, _ = _labelled(offsets, guess, width, FIRST_DRIFT_M, FIRST_NOISE_M)
+    best = _relabelled(
+        offsets, _refit(offsets, lanes, width=width, weights=weights, cost=0.0), 0.0, width=width, weights=weights
+    )
+    for _ in range(2):
+        # What most traces do beside the course may be the course's own doing: then the others need fewer changes.
+        moved = _relabelled(offsets, best, width * np.median(best.lanes, axis=0), width=width, weights=weights)
+        again = _relabelled(offsets, best, 0.0, width=width, weights=weights)
+        best = min((best, again, moved), key=lambda path: path.cost)
+    return best
+
+
+def _relabelled(
+    offsets: FloatArray, path: CommonPath, shift: FloatArray | float, *, width: float, weights: FloatArray
+) -> CommonPath:
+    lanes, cost = _labelled(offsets, path.course + shift, width, FIRST_DRIFT_M, FIRST_NOISE_M)
+    return _refit(offsets, lanes, width=width, weights=weights, cost=cost)
 
 
 def _labelled(offsets: FloatArray, course: FloatArray, width: float, drift: float, noise: float) -> tuple[FloatArray, float]:

@@ -1,6 +1,6 @@
 """LaneLevels: how many lanes stay open, which of them each trace drove in, and how wide they are."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ from wzsumo.crowd_mapping.lane_changes import CHANGE_STATIONS
 from wzsumo.frames import FloatArray
 
 MAX_OPEN_LANES = 4
+NARROWING_SD_M = 0.08  # of the lanes' width at the core against that before: one foot in a few zones
 LEAST_SPREAD_M = 0.08  # between traces: drivers differ by 0.2 to 0.4 m, simulated ones may not at all
 SPREAD_PRIOR_M, SPREAD_PRIOR_COUNT = 0.35, 1.0  # as much as one trace of such a spread
 WRONG_LANE_CHANCE = 0.1  # that a vehicle that moved inwards was not in a closed lane, or went on to a lane beyond the next
@@ -49,18 +50,26 @@ def fit_lane_levels(
     """Levels of the open lanes for a prior of their width (mean, sd) [m]; `n_lanes` open ones where it is known."""
     outer, outer_sd = _width_from_changes(path, offsets, width)
     core = _core_station(path, outer, weights)
-    at_core = path.levels + outer * path.lanes[:, core]
-    # Lanes that each trace moved to the left on its way to the core; only the way that most went leaves closed lanes.
-    moved = np.rint(path.lanes[:, core] - path.lanes[:, 0])
-    merged = np.where(moved * (weights @ moved) > 0, moved, 0.0)
+    at_core, merged = _at_core(path, core, outer, weights)
     counts = [*range(1, MAX_OPEN_LANES + 1)] if n_lanes is None else [n_lanes]
-    fits = [_tied_mixture(at_core, merged, k, width=(outer, np.hypot(outer_sd, 0.08)), weights=weights) for k in counts]
+    prior = (outer, float(np.hypot(outer_sd, NARROWING_SD_M)))
+    fits = [_tied_mixture(at_core, merged, k, width=prior, weights=weights) for k in counts]
     best = max(fits, key=lambda fit: fit.evidence)
-    lanes = best.label[:, None] + path.lanes - path.lanes[:, [core]]
     return LaneLevels(
         n_lanes=best.k, core=core, right=best.right, right_sd=best.right_sd, width=best.width, width_sd=best.width_sd,
-        outer_width=outer, outer_width_sd=outer_sd, spread=best.spread, lanes=lanes,
-        log_evidence=np.array([fit.evidence for fit in fits]),
+        outer_width=outer, outer_width_sd=outer_sd, spread=best.spread,
+        lanes=best.label[:, None] + path.lanes - path.lanes[:, [core]], log_evidence=np.array([fit.evidence for fit in fits]),
+    )  # fmt: skip
+
+
+def refresh(levels: LaneLevels, path: CommonPath, *, weights: FloatArray) -> LaneLevels:
+    """The levels for another path, with the number of lanes, their outer width and the core as they were."""
+    at_core, merged = _at_core(path, levels.core, levels.outer_width, weights)
+    prior = (levels.outer_width, float(np.hypot(levels.outer_width_sd, NARROWING_SD_M)))
+    fit = _tied_em(at_core, merged, levels.n_lanes, start=levels.right, width=prior, weights=weights)
+    return replace(
+        levels, right=fit.right, right_sd=fit.right_sd, width=fit.width, width_sd=fit.width_sd, spread=fit.spread,
+        lanes=fit.label[:, None] + path.lanes - path.lanes[:, [levels.core]],
     )  # fmt: skip
 
 
@@ -74,6 +83,13 @@ class _Fit:
     width_sd: float
     spread: float
     label: npt.NDArray[np.int64]
+
+
+def _at_core(path: CommonPath, core: int, width: float, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Levels (traces,) [m] at the core, and the lanes that traces out of closed lanes moved to the left on their way there."""
+    # Only the way that most went leaves closed lanes.
+    moved = np.rint(path.lanes[:, core] - path.lanes[:, 0])
+    return path.levels + width * path.lanes[:, core], np.where(moved * (weights @ moved) > 0, moved, 0.0)
 
 
 def _width_from_changes(path: CommonPath, offsets: FloatArray, prior: tuple[float, float]) -> tuple[float, float]:
@@ -163,7 +179,7 @@ def _tied_em(
         square = (r * (levels[:, None] - right - wide * lane) ** 2).sum()
         spread = np.sqrt((SPREAD_PRIOR_COUNT * SPREAD_PRIOR_M**2 + square) / (SPREAD_PRIOR_COUNT + max(n - 1, 0.0)))
         spread = max(float(spread), LEAST_SPREAD_M)
-        if log_likelihood - previous < 1e-6:
+        if log_likelihood - previous < 1e-5:
             break
     covariance = np.linalg.inv(normal)
     occupied = (responsibility * weights[:, None]).sum(axis=0)

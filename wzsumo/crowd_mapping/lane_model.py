@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from wzsumo.crowd_mapping.common_path import CommonPath, fit_common_path, refine
+from wzsumo.crowd_mapping.common_path import CommonPath, extend, fit_common_path
 from wzsumo.crowd_mapping.kinks import Shift, find_shifts
 from wzsumo.crowd_mapping.lane_changes import relative_lanes
-from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels
+from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels, refresh
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.station_table import StationTable, tabulate
 from wzsumo.crowd_mapping.taper_line import TaperLine, fit_taper_line, merging_taper_m
@@ -84,23 +84,32 @@ def fit_lane_structure(traces: pd.DataFrame, *, spec: LaneStructureSpec, nominal
 
 
 def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneStructure:
-    """The model with further traces, its old ones weighing `keep` (0 to 1) of what they did. Axis and stations stay."""
+    """The model with further traces, its old ones weighing `keep` (0 to 1) of what they did.
+
+    Quick: axis, stations, number of lanes, their width and the shifts stay as they are; `refit` looks for those again.
+    """
     if not 0 <= keep <= 1:
         raise TraceError(f"keep={keep} of the old traces' weight must be between 0 (forget them) and 1 (keep them)")
     new = tabulate(check_traces(traces, source="traces"), model.axis, stations=model.table.stations)
-    old_weights = model.weights * keep
-    alive = old_weights > FADED
-    path = model.path
-    lanes = _lanes_on(path, new.offsets, width=model.levels.outer_width)
-    joined = replace(
+    alive = model.weights * keep > FADED
+    table = replace(
         new,
         offsets=np.vstack([model.table.offsets[alive], new.offsets]),
         vehicle_ids=(*(v for v, a in zip(model.table.vehicle_ids, alive, strict=True) if a), *new.vehicle_ids),
     )
-    weights = np.concatenate([old_weights[alive], np.ones(len(new.offsets))])
-    path = replace(path, lanes=np.vstack([path.lanes[alive], lanes]))
-    path = refine(path, joined.offsets, width=model.levels.outer_width, weights=weights, rounds=1)
-    return _model(model.spec, model.axis, joined, weights, path, speed_mps=model.speed_mps)
+    weights = np.concatenate([model.weights[alive] * keep, np.ones(len(new.offsets))])
+    width = model.levels.outer_width
+    lanes = np.vstack([model.path.lanes[alive], _lanes_on(model.path, new.offsets, width=width)])
+    path = extend(model.path, table.offsets, lanes, width=width, weights=weights)
+    levels = refresh(model.levels, path, weights=weights)
+    closing, opening = _tapers(model.spec, table, weights, levels, shifts=model.shifts, speed_mps=model.speed_mps)
+    return replace(model, table=table, weights=weights, path=path, levels=levels, closing=closing, opening=opening)
+
+
+def refit(model: LaneStructure) -> LaneStructure:
+    """The model fitted anew, from lane changes to tapers, to the traces and weights that it holds."""
+    path = fit_common_path(model.table.offsets, width=model.spec.lane_width_m, weights=model.weights)
+    return _model(model.spec, model.axis, model.table, model.weights, path, speed_mps=model.speed_mps)
 
 
 def fit_of(model: LaneStructure, trace: pd.DataFrame) -> TraceFit:
