@@ -10,7 +10,11 @@ HALF_VEHICLE = 0.25  # of a lane
 def leaver(at, *, length=60.0):
     """A vehicle that starts to leave the lane at a station: shares of the lane still to go."""
     t = np.clip((STATIONS - at) / length, 0, 1)
-    return STATIONS, 1 - t * t * (3 - 2 * t)
+    return 1 - t * t * (3 - 2 * t)
+
+
+def fitted(leavers, *, kink=None):
+    return fit_taper_line(STATIONS, np.array(leavers), length=200.0, half_vehicle=HALF_VEHICLE, kink=kink)
 
 
 # MUTCD 11th ed., Table 6B-4: 12 ft at 40 mph 320 ft, at 60 mph 720 ft.
@@ -20,7 +24,7 @@ def test_taper_length_matches_the_manual(speed_mph, length_ft):
 
 
 def test_line_lies_beyond_every_vehicle_that_was_still_in_the_lane():
-    line = fit_taper_line([leaver(400.0), leaver(300.0)], length=200.0, half_vehicle=HALF_VEHICLE, kink=None)
+    line = fitted([leaver(400.0), leaver(300.0)])
     # Body's outer side at 3/4 of the lane at s = 400: a line of 200 m that clears it ends at 400 + 0.75 * 200 or later.
     chance = line.open_beyond(np.array([390.0, 400.0]), np.array([0.7, 0.7]))
     assert (chance > 0.75).all()
@@ -29,12 +33,7 @@ def test_line_lies_beyond_every_vehicle_that_was_still_in_the_lane():
 
 def test_more_vehicles_narrow_the_belief():
     random = np.random.default_rng(0)
-    few, many = (
-        fit_taper_line(
-            [leaver(500 - gap) for gap in random.exponential(80, n)], length=200.0, half_vehicle=HALF_VEHICLE, kink=None
-        )
-        for n in (2, 40)
-    )
+    few, many = (fitted([leaver(500 - gap) for gap in random.exponential(80, n)]) for n in (2, 40))
     assert many.end_sd < few.end_sd
 
 
@@ -45,7 +44,7 @@ def test_belief_covers_the_true_end_as_often_as_it_says():
         end = random.uniform(500, 700)
         latest = end - 0.75 * 200.0  # the latest place to start leaving
         leavers = [leaver(latest - min(gap, 330.0)) for gap in random.exponential(80, 5)]
-        line = fit_taper_line(leavers, length=200.0, half_vehicle=HALF_VEHICLE, kink=None)
+        line = fitted(leavers)
         ranks.append(1 - line.open_beyond(np.array([end]), np.zeros(1))[0])
     # Uniform if calibrated; its length is uncertain by 15 % too, so the middle is somewhat fuller.
     assert 0.75 < np.mean((np.array(ranks) > 0.05) & (np.array(ranks) < 0.95)) <= 1.0
@@ -53,14 +52,14 @@ def test_belief_covers_the_true_end_as_often_as_it_says():
 
 
 def test_kink_ahead_draws_the_line_to_it():
-    free = fit_taper_line([leaver(300.0)], length=200.0, half_vehicle=HALF_VEHICLE, kink=None)
-    drawn = fit_taper_line([leaver(300.0)], length=200.0, half_vehicle=HALF_VEHICLE, kink=480.0)
+    free = fitted([leaver(300.0)])
+    drawn = fitted([leaver(300.0)], kink=480.0)
     assert abs(drawn.end - 480.0) < abs(free.end - 480.0)
     assert drawn.end_sd < free.end_sd
 
 
 def test_chance_falls_along_the_road_and_towards_the_outer_edge():
-    line = fit_taper_line([leaver(300.0), leaver(350.0)], length=200.0, half_vehicle=HALF_VEHICLE, kink=None)
+    line = fitted([leaver(300.0), leaver(350.0)])
     along = line.open_beyond(STATIONS, np.full(len(STATIONS), 0.5))
     assert (np.diff(along) <= 1e-12).all()
     across = line.open_beyond(np.full(11, 460.0), np.linspace(0, 1, 11))

@@ -156,25 +156,32 @@ def _tapers(
     length = merging_taper_m(speed_mps, width_m=levels.outer_width)
     half_vehicle = spec.vehicle_width_m / 2 / levels.outer_width
     core = stations[levels.core]
-    closing, opening = {}, {}
+    before, after = stations <= core, stations >= core
+    closing: dict[int, TaperLine] = {}
+    opening: dict[int, TaperLine] = {}
     for lane in _closed_lanes(levels, weights):
         side = 1 if lane > 0 else -1
         adjacent = lane in {-1, levels.n_lanes}
         # Share of this lane's width that a vehicle's centre still has to go to the middle of the next lane inwards.
         share = np.clip(side * (levels.lanes - lane) + 1.0, -1.0, 1.0)
-        before, after = stations <= core, stations >= core
-        left = [(stations[before], row[before]) for row in share if row[before].max(initial=-1) > 0.5]
-        if left:
-            last = max(float(s[row > 0.05].max()) for s, row in left)
-            away = [x for x in shifts if x.size * side < 0 and last - KINK_SLACK_M < x.start and x.end < core and adjacent]
-            kink = max(away, key=lambda x: abs(x.size)).start if away else None
-            closing[lane] = fit_taper_line(left, length=length, half_vehicle=half_vehicle, kink=kink)
-        taken = [(-stations[after], row[after]) for row in share if row[after].max(initial=-1) > 0.5]
-        if taken:
-            first = min(float(-s[row > 0.05].max()) for s, row in taken)
-            back = [x for x in shifts if x.size * side > 0 and core < x.start and x.end < first + KINK_SLACK_M and adjacent]
-            kink = -max(back, key=lambda x: abs(x.size)).end if back else None
-            opening[lane] = fit_taper_line(taken, length=DOWNSTREAM_TAPER_M, half_vehicle=half_vehicle, kink=kink)
+        for shares, at, sign, found, taper in (
+            (share[:, before], stations[before], 1, closing, length),
+            (share[:, after], -stations[after], -1, opening, DOWNSTREAM_TAPER_M),
+        ):
+            users = shares[shares.max(axis=1, initial=-1.0) > 0.5]
+            if not len(users):
+                continue
+            # Shifts away from the closed side follow the last merge; shifts back come before the first return.
+            last = float(at[(users > 0.05).any(axis=0)].max())
+            kinks = [
+                (abs(shift.size), sign * (shift.start if sign > 0 else shift.end))
+                for shift in shifts
+                if adjacent and shift.size * side * sign < 0 and (shift.start - core) * (shift.end - core) > 0
+            ]
+            kinks = [(size, kink) for size, kink in kinks if last - KINK_SLACK_M < kink < sign * core]
+            found[lane] = fit_taper_line(
+                at, users, length=taper, half_vehicle=half_vehicle, kink=max(kinks)[1] if kinks else None
+            )
     return closing, opening
 
 

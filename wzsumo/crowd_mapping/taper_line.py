@@ -54,35 +54,30 @@ class TaperLine:
 
 
 def fit_taper_line(
-    changes: list[tuple[FloatArray, FloatArray]], *, length: float, half_vehicle: float, kink: float | None
+    stations: FloatArray, shares: FloatArray, *, length: float, half_vehicle: float, kink: float | None
 ) -> TaperLine:
-    """The belief from vehicles that left the lane: each (stations, shares of the lane's width still to go), and from a kink.
+    """The belief from vehicles that left the lane: their shares (vehicles, stations) of its width still to go, at stations [m].
 
     No vehicle's body crosses the line, so each bounds it from below; how far they scatter tells how much later it may be. A
     kink of the open lanes' course at station `kink` [m], where a shifting taper starts, bounds it from above: the merging
     taper ends there, or a tangent of about L/2 before. `half_vehicle` is half a vehicle's width in lane widths.
     """
     lengths = length * LENGTH_FACTORS
-    bounds = np.array([[_bound(s, share, at, half_vehicle) for s, share in changes] for at in lengths])
+    # Body's outer side at (share + half_vehicle - 1/2) of the lane; a line that ends at e is at (e - s) / length of it.
+    across = np.clip(shares + half_vehicle - 0.5, 0.0, 1.0)
+    bounds = np.array([np.where(across > 0, stations + at * across, -np.inf).max(axis=1) for at in lengths])
     low = float(bounds.min())
-    stations = np.arange(low - 4 * STATION_SD_M, max(float(bounds.max()), kink or low) + 6 * GAP_PRIOR_M, STEP_M)
+    ends = np.arange(low - 4 * STATION_SD_M, max(float(bounds.max()), kink or low) + 6 * GAP_PRIOR_M, STEP_M)
     rows = []
     for at, each in zip(lengths, bounds, strict=True):
         last, n = each.max(), len(each)
         # The gap from the last of n vehicles to the line, when gaps are exponential, is exponential with an n-th of the mean.
         scale = (GAP_PRIOR_M + (last - each).sum()) / n / n
-        belief = _shifted_exponential(stations - last, scale)
+        belief = _shifted_exponential(ends - last, scale)
         if kink is not None:
-            belief = belief * _ahead_of_kink(kink - stations, at)
-        rows.append(belief / max(belief.sum(), 1e-300) if belief.sum() > 0 else _nearest(stations, last))
-    return TaperLine(stations=stations, probability=np.array(rows), lengths=lengths)
-
-
-def _bound(s: FloatArray, share: FloatArray, length: float, half_vehicle: float) -> float:
-    """Earliest end of a line of a length that clears a vehicle's body along its change."""
-    # Body's outer side at (share + half_vehicle - 1/2) of the lane; the line is at (end - s) / length of it.
-    across = np.clip(share + half_vehicle - 0.5, 0.0, 1.0)
-    return float(np.max(np.where(across > 0, s + length * across, -np.inf)))
+            belief = belief * _ahead_of_kink(kink - ends, at)
+        rows.append(belief / max(belief.sum(), 1e-300) if belief.sum() > 0 else _nearest(ends, last))
+    return TaperLine(stations=ends, probability=np.array(rows), lengths=lengths)
 
 
 def _shifted_exponential(gap: FloatArray, scale: float) -> FloatArray:
