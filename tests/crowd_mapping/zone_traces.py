@@ -48,7 +48,7 @@ def zone_layout(*, lanes=2, closed=(1,), bend=False, shift_ft=10.0, tangent_ft=N
     return lay_out(zone, road)
 
 
-def drive(layout, n, *, seed, wander_sd=0.06, habit_sd=0.2, step_s=0.1):
+def drive(layout, n, *, seed, wander_sd=0.06, habit_sd=0.2, step_s=0.2):
     """Drivers on the lanes of a layout: closed-lane drivers merge somewhere from 250 m ahead of the taper to its end."""
     random = np.random.default_rng(seed)
     road: Road = layout.road

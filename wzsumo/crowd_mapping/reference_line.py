@@ -15,6 +15,7 @@ from wzsumo.road import Road
 KNOT_SPACING_M = 300.0
 POINT_SPACING_M = 5.0
 ROUNDS = 3  # the axis moves by less than 1 cm in the third round on bends of 300 m radius
+AXIS_FIXES = 100_000  # taken, evenly, for the axis: some per metre and lane of any zone
 MIN_EXTENT_M = 50.0  # a shorter trace says nothing about a road's direction
 
 
@@ -36,7 +37,7 @@ def reference_line_from_traces(traces: pd.DataFrame) -> Road:
             f"a road's line needs one of at least {MIN_EXTENT_M:g} m; check that the coordinates are metres"
         )
     axis = axis_of(_smooth(by_vehicle[int(np.argmax(extent))]))
-    points = traces[["x_m", "y_m"]].to_numpy()
+    points = traces[["x_m", "y_m"]].to_numpy()[:: max(1, len(traces) // AXIS_FIXES)]
     for _ in range(ROUNDS):
         axis = axis_of(_recentred(axis, points))
     return axis
