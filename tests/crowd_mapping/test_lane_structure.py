@@ -126,6 +126,19 @@ def test_nominal_line_gives_the_frame():
     assert right[0] == pytest.approx(zone.layout.drivable_right(s)[0], abs=0.35)
 
 
+@pytest.mark.parametrize("error_m", [0.0, 2.0])
+def test_speed_behind_the_taper_length_is_the_85th_percentile_of_the_vehicles(error_m):
+    zone = drive(zone_layout(), 40, seed=2)
+    speeds = [
+        np.hypot(*(g[["x_m", "y_m"]].iloc[-1] - g[["x_m", "y_m"]].iloc[0])) / np.ptp(g["time_s"])
+        for _, g in zone.traces.groupby("vehicle_id")
+    ]
+    model = fit_lane_structure(noisy(zone, error_m, seed=0, interval_s=0.2), spec=LaneStructureSpec())
+    assert model.speed_mps == pytest.approx(np.quantile(speeds, 0.85), rel=0.05)
+    posted = fit_lane_structure(zone.traces, spec=LaneStructureSpec(posted_speed_mph=60))
+    assert posted.speed_mps == pytest.approx(26.8224)
+
+
 def test_short_traces_cannot_make_a_road():
     track = pd.DataFrame({"vehicle_id": "a", "time_s": np.arange(5.0), "x_m": np.arange(5.0), "y_m": 0.0})
     with pytest.raises(TraceError, match="road's line needs one of at least 50 m"):

@@ -25,6 +25,7 @@ from wzsumo.units import mps_from_mph
 
 DOWNSTREAM_TAPER_M = 30.48  # per lane; MUTCD 11th ed., Table 6B-3: 50 to 100 ft
 DEFAULT_SPEED_MPS = 26.8  # 60 mph, where neither the posted speed nor the traces' own says more
+SPEED_SPELL_S = 3.0
 LEAST_SUPPORT = 0.03  # share of the traces that must have driven in a lane
 KINK_SLACK_M = 30.0  # of a kink beside the last lane change: three stations
 FADED = 0.01  # weight below which an old trace is dropped
@@ -201,12 +202,16 @@ def _lanes_on(path: CommonPath, offsets: FloatArray, *, width: float) -> FloatAr
 
 
 def _speed(traces: pd.DataFrame, spec: LaneStructureSpec) -> float:
-    """Posted speed [m/s], or the median of the speeds that vehicles reach on their way (85th percentile of each)."""
+    """Posted speed [m/s], or the 85th percentile of the speeds that vehicles reach on their way (85th percentile of each).
+
+    Source: MUTCD 11th ed., Table 6B-4: S is the posted speed or the off-peak 85th-percentile speed before the work.
+    """
     if spec.posted_speed_mph is not None:
         return mps_from_mph(spec.posted_speed_mph)
-    grouped = traces.groupby("vehicle_id")
-    run = np.hypot(grouped["x_m"].diff(), grouped["y_m"].diff()) if "speed_mps" not in traces else None
-    speeds = traces["speed_mps"] if run is None else run / grouped["time_s"].diff()
-    reached = speeds.groupby(traces["vehicle_id"]).quantile(0.85).to_numpy()
-    reached = reached[np.isfinite(reached) & (reached > 3)]
-    return float(np.median(reached)) if reached.size else DEFAULT_SPEED_MPS
+    # Over some seconds the positions' noise adds little to the speed between them.
+    spell = np.floor(traces["time_s"] / SPEED_SPELL_S).rename("spell")
+    fixes = traces.groupby(["vehicle_id", spell])[["time_s", "x_m", "y_m"]].first()
+    step = fixes.groupby(level="vehicle_id").diff()
+    reached = (np.hypot(step["x_m"], step["y_m"]) / step["time_s"]).groupby(level="vehicle_id").quantile(0.85)
+    moving = reached[np.isfinite(reached) & (reached > 3)]
+    return float(moving.quantile(0.85)) if len(moving) else DEFAULT_SPEED_MPS
