@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from wzsumo.crowd_mapping.common_path import fit_common_path, trend_filter
+
+
+def shifted_course(stations=120):
+    return np.interp(np.arange(stations), [0, 50, 61, stations], [0.0, 0.0, -3.0, -3.0])
+
+
+def family(n, *, seed, bias_sd, merging=0.4):
+    """Traces of one course with levels of their own; some merge by a lane to the right somewhere between 10 and 40."""
+    random = np.random.default_rng(seed)
+    course, rows, merged = shifted_course(), [], []
+    for _ in range(n):
+        merges = random.random() < merging
+        t = np.clip((np.arange(120) - random.uniform(10, 34)) / 7, 0, 1)
+        lane = -merges * t * t * (3 - 2 * t)
+        rows.append(course + 3.6 * lane + bias_sd * random.standard_normal() + 0.15 * random.standard_normal(120))
+        merged.append(merges)
+    return np.array(rows), np.array(merged)
+
+
+@pytest.mark.parametrize("bias_sd", [0.2, 1.0, 2.0])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_course_and_changes_are_found_beside_biases_of_any_size(bias_sd, seed):
+    offsets, merged = family(12, seed=seed, bias_sd=bias_sd)
+    path = fit_common_path(offsets, width=3.6, weights=np.ones(12))
+    error = path.course - shifted_course()
+    assert np.std(error) < 0.12
+    np.testing.assert_array_equal(np.rint(path.lanes[:, -1]), -merged.astype(float))
+
+
+def test_change_of_the_first_guess_is_not_taken_for_the_course():
+    # The trace that is tried first merges, all others keep their lane.
+    offsets, _ = family(9, seed=4, bias_sd=0.5, merging=0.0)
+    merging, _ = family(1, seed=5, bias_sd=0.5, merging=1.0)
+    path = fit_common_path(np.vstack([merging, offsets]), width=3.6, weights=np.ones(10))
+    np.testing.assert_array_equal(np.rint(path.lanes[:, -1]), [-1.0] + [0.0] * 9)
+
+
+def test_single_trace_is_its_own_course():
+    offsets, _ = family(1, seed=0, bias_sd=0.0, merging=0.0)
+    path = fit_common_path(offsets, width=3.6, weights=np.ones(1))
+    np.testing.assert_array_equal(path.lanes, 0.0)
+    assert np.std(path.course - shifted_course()) < 0.15
+
+
+def test_size_of_the_scatter_is_estimated():
+    random = np.random.default_rng(0)
+    offsets = random.standard_normal((30, 1)) + 0.4 * random.standard_normal((30, 120))
+    path = fit_common_path(offsets, width=3.6, weights=np.ones(30))
+    assert path.noise_m == pytest.approx(0.4, rel=0.15)
+
+
+def test_trend_filter_keeps_a_line_and_finds_its_kink():
+    line = np.interp(np.arange(100), [0, 40, 99], [0.0, 0.0, 6.0])
+    noisy = line + 0.1 * np.random.default_rng(0).standard_normal(100)
+    smooth = trend_filter(noisy, np.full(100, 1 / 0.1**2), scale=0.02)
+    assert np.std(smooth - line) < 0.04
+    np.testing.assert_allclose(trend_filter(line, np.full(100, 1e6), scale=0.02), line, atol=1e-3)
+
+
+def test_trend_filter_bridges_unknown_stations_with_a_line():
+    values, precisions = np.arange(50) * 0.1, np.full(50, 1e4)
+    precisions[10:30] = 0.0
+    np.testing.assert_allclose(trend_filter(np.where(precisions > 0, values, -99), precisions, scale=0.02), values, atol=1e-3)

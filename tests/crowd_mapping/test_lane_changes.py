@@ -1,0 +1,76 @@
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wzsumo.crowd_mapping.lane_changes import CHANGE_COST, CHANGE_STATIONS, relative_lanes
+
+
+def ramp(t):
+    t = np.clip(t, 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def trace(stations, *, changes, bias, drift, noise, width, seed):
+    """One trace that changes lanes by +-1 at given stations, with an error that starts at `bias` and drifts."""
+    random = np.random.default_rng(seed)
+    lanes = sum((side * ramp((np.arange(stations) - at) / 6) for at, side in changes), np.zeros(stations))
+    error = bias + np.cumsum(drift * random.standard_normal(stations)) + noise * random.standard_normal(stations)
+    return width * lanes + error, lanes
+
+
+def path_cost(v, lanes, changes, drift_variance, white_variance):
+    """Cost of one given sequence of lanes: the Kalman filter of a drifting offset, written out."""
+    mean, variance, cost = v[0], white_variance, CHANGE_COST * changes
+    for value, lane in zip(v[1:], lanes[1:], strict=True):
+        variance += drift_variance
+        spread = variance + white_variance
+        miss = value - 3.5 * lane - mean
+        square = miss**2 / spread
+        cost += 0.5 * (min(square, 16) + np.log(spread / white_variance))
+        gain = variance / spread * min(1.0, 16 / square)
+        mean, variance = mean + gain * miss, variance * (1 - gain)
+    return cost
+
+
+@pytest.mark.parametrize("bias", [-3.0, 0.0, 2.0])
+@pytest.mark.parametrize("changes", [[], [(40, -1)], [(40, 1)], [(20, 1), (90, -1)], [(30, -1), (60, -1)]])
+def test_changes_are_found_whatever_the_bias(changes, bias):
+    v, lanes = trace(140, changes=changes, bias=bias, drift=0.08, noise=0.2, width=3.5, seed=3)
+    found, _ = relative_lanes(v[None], np.full(140, 3.5), drift_variance=0.08**2, white_variance=0.2**2)
+    assert np.abs(found[0] - lanes).max() < 0.6
+    np.testing.assert_array_equal(np.rint(found[0][[0, -1]]), np.rint(lanes[[0, -1]]))
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 1000), at=st.integers(3, 20), side=st.sampled_from([-1, 0, 1]))
+def test_cost_is_that_of_the_lanes_found_and_hardly_above_the_best_of_all_single_changes(seed, at, side):
+    n = 30
+    v, _ = trace(n, changes=[(at, side)] if side else [], bias=0.3, drift=0.05, noise=0.2, width=3.5, seed=seed)
+    found, cost = relative_lanes(v[None], np.full(n, 3.5), drift_variance=0.05**2, white_variance=0.2**2)
+    starts = np.flatnonzero((np.abs(np.diff(found[0])) > 0) & (np.abs(found[0][:-1] - np.rint(found[0][:-1])) < 1e-12))
+    assert cost == pytest.approx(path_cost(v, found[0], len(starts), 0.05**2, 0.2**2), abs=1e-6)
+    sequences = [(np.zeros(n), 0)]
+    for start, length, sign in itertools.product(range(n), CHANGE_STATIONS, (-1, 1)):
+        if start + length < n:
+            sequences.append((sign * ramp((np.arange(n) - start) / length), 1))
+    best = min(path_cost(v, lanes, k, 0.05**2, 0.2**2) for lanes, k in sequences)
+    # Each survivor keeps one filter only: a path that would have won later may be dropped where it is behind by a little.
+    assert cost <= best + 2.0
+
+
+def test_missing_stations_do_not_hide_a_change():
+    v, _ = trace(140, changes=[(60, -1)], bias=1.0, drift=0.05, noise=0.2, width=3.5, seed=1)
+    sparse = np.full(140, np.nan)
+    sparse[4::8] = v[4::8]  # a fix every 80 m
+    found, _ = relative_lanes(sparse[None], np.full(140, 3.5), drift_variance=0.05**2, white_variance=0.2**2)
+    assert found[0, 30] == 0
+    assert found[0, 120] == -1
+
+
+def test_slow_drift_of_a_whole_lane_is_no_change():
+    v = np.linspace(0, 3.5, 140)
+    found, _ = relative_lanes(v[None], np.full(140, 3.5), drift_variance=0.1**2, white_variance=0.2**2)
+    np.testing.assert_array_equal(found, 0.0)

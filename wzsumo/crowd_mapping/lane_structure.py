@@ -1,0 +1,53 @@
+"""The lane-structured crowd map: traces in, p(occupied) out, with the model behind it and figures about it."""
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from wzsumo.crowd_mapping.belief import belief
+from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec, fit_lane_structure
+from wzsumo.grid import OccupancyGrid
+from wzsumo.road import Road
+
+__all__ = ["LaneStructureSpec", "LaneStructuredMap", "describe", "lane_structured_map"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneStructuredMap:
+    """The map, the model behind it and one row of figures about it."""
+
+    grid: OccupancyGrid
+    model: LaneStructure
+    report: dict[str, object]
+
+
+def lane_structured_map(
+    traces: pd.DataFrame, *, spec: LaneStructureSpec, grid: OccupancyGrid, seed: int, nominal: Road | None = None
+) -> LaneStructuredMap:
+    """The lane-structured map of a trace table on the cells of `grid`, whose values are not used.
+
+    `nominal` is the road's line where a map has one. The fit draws no random numbers; the seed is for the common interface.
+    """
+    del seed
+    model = fit_lane_structure(traces, spec=spec, nominal=nominal)
+    return LaneStructuredMap(grid=belief(model, grid), model=model, report=describe(model))
+
+
+def describe(model: LaneStructure) -> dict[str, object]:
+    """Figures of a model, units in the names."""
+    levels = model.levels
+    return {
+        "n_traces": len(model.weights),
+        "n_dropped": len(model.table.dropped),
+        "dropped": model.table.dropped.to_dict("records"),
+        "open_lanes": levels.n_lanes,
+        "lane_width_m": levels.width,
+        "lane_width_sd_m": levels.width_sd,
+        "closed_side": model.closed_side,
+        "spread_between_traces_m": levels.spread,
+        "drift_m_per_10_m": model.path.drift_m,
+        "noise_m": model.path.noise_m,
+        "taper_end_m": {lane: line.end for lane, line in model.closing.items()},
+        "taper_end_sd_m": {lane: line.end_sd for lane, line in model.closing.items()},
+        "shifts": [(shift.start, shift.end, shift.size) for shift in model.shifts],
+    }

@@ -1,0 +1,90 @@
+"""The line that traces follow: a smooth road axis with arc length, found from the traces alone."""
+
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from scipy.interpolate import make_lsq_spline
+
+from wzsumo.errors import TraceError
+from wzsumo.frames import FloatArray, arc_length
+from wzsumo.road import Road
+
+# Knots far enough apart that the axis follows bends and not the lateral shifts of a work zone, which last 35 to 250 m
+# (MUTCD 11th ed., Table 6B-3, half of L): those stay in the lateral offsets, where they are found as kinks.
+KNOT_SPACING_M = 300.0
+POINT_SPACING_M = 5.0
+ROUNDS = 3  # the axis moves by less than 1 cm in the third round on bends of 300 m radius
+AXIS_FIXES = 100_000  # taken, evenly, for the axis: some per metre and lane of any zone
+MIN_EXTENT_M = 50.0  # a shorter trace says nothing about a road's direction
+
+
+def axis_of(line: FloatArray) -> Road:
+    """A Road without width along points (n, 2): the frame in which stations and lateral offsets are counted."""
+    return Road(reference_line=line, lane_widths=(0.0,), left_shoulder=0.0, right_shoulder=0.0)
+
+
+def reference_line_from_traces(traces: pd.DataFrame) -> Road:
+    """The axis in the direction of travel that the traces of a trace table follow, along the longest of them at first.
+
+    Its lateral place among the lanes is arbitrary. Raises TraceError where no trace is long enough.
+    """
+    by_vehicle = [xy for _, group in traces.groupby("vehicle_id", sort=True) if len(xy := group[["x_m", "y_m"]].to_numpy()) > 1]
+    extent = [float(np.hypot(*np.ptp(xy, axis=0))) for xy in by_vehicle]
+    if not extent or max(extent) < MIN_EXTENT_M:
+        raise TraceError(
+            f"the longest of {traces['vehicle_id'].nunique()} traces extends over {max(extent, default=0.0):.1f} m; "
+            f"a road's line needs one of at least {MIN_EXTENT_M:g} m; check that the coordinates are metres"
+        )
+    axis = axis_of(_smooth(by_vehicle[int(np.argmax(extent))]))
+    points = traces[["x_m", "y_m"]].to_numpy()[:: max(1, len(traces) // AXIS_FIXES)]
+    for _ in range(ROUNDS):
+        axis = axis_of(_recentred(axis, points))
+    return axis
+
+
+def _smooth(trace: FloatArray) -> FloatArray:
+    """Points of a smooth line along the fixes (n, 2) of one trace, in time order."""
+    # Standing still or noise along the way would fold the line back: only steps forward count.
+    direction = trace[-1] - trace[0]
+    chord = trace @ direction / np.hypot(*direction)
+    ahead = np.concatenate([[True], chord[1:] > np.maximum.accumulate(chord)[:-1] + 1.0])
+    fixes = trace[ahead] if np.hypot(*direction) > 0.5 * arc_length(trace)[-1] else _thinned(trace)
+    return _spline(arc_length(fixes), fixes)
+
+
+def _thinned(trace: FloatArray) -> FloatArray:
+    """Fixes at least POINT_SPACING_M apart, for roads that turn by more than a right angle."""
+    kept = [trace[0]]
+    for fix in trace[1:]:
+        if np.hypot(*(fix - kept[-1])) >= POINT_SPACING_M:
+            kept.append(fix)
+    return np.array(kept)
+
+
+def _recentred(axis: Road, points: FloatArray) -> FloatArray:
+    """Points of the axis moved by the smooth course of the fixes' lateral offsets, and as long as the fixes reach."""
+    s, d = axis.to_sd(points)
+    near = np.abs(d - np.median(d)) < 5 * (np.median(np.abs(d - np.median(d))) + 1.0)
+    order = np.argsort(s[near], kind="stable")
+    s, d = s[near][order], d[near][order]
+    # Means of short stretches weigh every place alike, however many fixes it has.
+    cell = np.floor((s - s[0]) / POINT_SPACING_M).astype(int)
+    count = np.bincount(cell)
+    filled = count > 0
+    mean_s = np.bincount(cell, weights=s)[filled] / count[filled]
+    mean_d = np.bincount(cell, weights=d)[filled] / count[filled]
+    return _spline(mean_s, axis.to_xy(mean_s, mean_d))
+
+
+def _spline(along: FloatArray, points: FloatArray) -> FloatArray:
+    """Points every POINT_SPACING_M of the least-squares cubic spline of points (n, 2) over their parameter (n,)."""
+    length = along[-1] - along[0]
+    knots = np.linspace(along[0], along[-1], max(2, int(np.ceil(length / KNOT_SPACING_M)) + 1))
+    # A knot interval without a point of its own would leave the spline undetermined (Schoenberg-Whitney).
+    inner = [a for a, b in pairwise(knots[1:]) if ((along > a) & (along < b)).sum() > 1]
+    inner = inner if len(along) > 2 * len(inner) + 8 else []
+    degree = min(3, len(along) - 1)
+    full = np.concatenate([[along[0]] * (degree + 1), inner, [along[-1]] * (degree + 1)])
+    spline = make_lsq_spline(along, points, full, k=degree)
+    return np.asarray(spline(np.linspace(along[0], along[-1], max(2, int(length / POINT_SPACING_M) + 1))))

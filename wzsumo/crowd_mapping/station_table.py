@@ -1,0 +1,79 @@
+"""StationTable: lateral offsets of traces at common stations, and which traces could not be used."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.errors import TraceError
+from wzsumo.frames import FloatArray
+from wzsumo.road import Road
+
+STATION_SPACING_M = 10.0  # a lane change takes 50 m and more, a kink is found to about half of this
+MIN_STATIONS = 3  # with fewer, a trace has a level but no course
+MIN_PROGRESS_M = 30.0  # a parked or crossing vehicle
+OUTLIER_M = 15.0  # from the median of the others: four lanes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StationTable:
+    """`offsets` (traces, stations) [m]: mean lateral offset of a trace's fixes around each station, NaN where it has none.
+
+    `dropped` lists unused traces: vehicle_id, reason.
+    """
+
+    stations: FloatArray
+    offsets: FloatArray
+    vehicle_ids: tuple[str, ...]
+    dropped: pd.DataFrame
+
+
+def tabulate(traces: pd.DataFrame, axis: Road, *, stations: FloatArray | None = None) -> StationTable:
+    """Offsets of a trace table at stations [m] of an axis; equally spaced ones over all fixes where none are given.
+
+    Traces that stand, run against the others, lie far beside them or have too few fixes are left out and named.
+    Raises TraceError where none is left.
+    """
+    s, d = axis.to_sd(traces[["x_m", "y_m"]].to_numpy())
+    if stations is None:
+        low, high = np.quantile(s, [0.001, 0.999])
+        stations = np.arange(low, high + STATION_SPACING_M, STATION_SPACING_M)
+    code, ids = pd.factorize(traces["vehicle_id"])
+    cell = np.floor((s - stations[0]) / STATION_SPACING_M + 0.5).astype(int)
+    inside = (cell >= 0) & (cell < len(stations)) & (np.abs(d - np.median(d)) < 10 * OUTLIER_M)
+    flat = code[inside] * len(stations) + cell[inside]
+    size = len(ids) * len(stations)
+    count = np.bincount(flat, minlength=size)
+    with np.errstate(invalid="ignore"):
+        offsets = (np.bincount(flat, weights=d[inside], minlength=size) / count).reshape(len(ids), -1)
+    reasons = _reasons(traces, offsets, s=s, code=code)
+    kept = [i for i in range(len(ids)) if i not in reasons]
+    dropped = pd.DataFrame({"vehicle_id": [ids[i] for i in reasons], "reason": list(reasons.values())})
+    if not kept:
+        raise TraceError(
+            f"none of {len(ids)} traces can be used: {dropped['reason'].iloc[0]} ({dropped['vehicle_id'].iloc[0]})"
+        )
+    return StationTable(stations=stations, offsets=offsets[kept], vehicle_ids=tuple(str(ids[i]) for i in kept), dropped=dropped)
+
+
+def _reasons(traces: pd.DataFrame, offsets: FloatArray, *, s: FloatArray, code: np.ndarray) -> dict[int, str]:
+    """Why a trace, by its row, cannot be used."""
+    level = np.array([np.nanmedian(row) if np.isfinite(row).any() else np.inf for row in offsets])
+    middle = np.median(level[np.isfinite(level)]) if np.isfinite(level).any() else 0.0
+    time = traces["time_s"].to_numpy(dtype=float)
+    first, last = np.full(len(offsets), -1), np.full(len(offsets), -1)
+    order = np.lexsort((time, code))
+    edges = np.flatnonzero(np.r_[True, np.diff(code[order]) > 0, True])
+    first[code[order][edges[:-1]]], last[code[order][edges[:-1]]] = order[edges[:-1]], order[edges[1:] - 1]
+    progress = s[last] - s[first]
+    reasons: dict[int, str] = {}
+    for i, row in enumerate(offsets):
+        if progress[i] < -MIN_PROGRESS_M:
+            reasons[i] = f"runs {-progress[i]:.0f} m against the others"
+        elif np.isfinite(row).sum() < MIN_STATIONS:
+            reasons[i] = f"has fixes around {int(np.isfinite(row).sum())} stations, fewer than {MIN_STATIONS}"
+        elif progress[i] < MIN_PROGRESS_M:
+            reasons[i] = f"advances by {progress[i]:.0f} m only"
+        elif abs(level[i] - middle) > OUTLIER_M:
+            reasons[i] = f"lies {abs(level[i] - middle):.0f} m beside the others"
+    return reasons

@@ -1,0 +1,99 @@
+"""Where a closed lane ends: the line of devices across it, from those who still drove beside it and from the course's kinks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import exponnorm
+
+from wzsumo.frames import FloatArray
+from wzsumo.units import METRES_PER_FOOT, feet_from_metres, mph_from_mps
+
+GAP_PRIOR_M = 100.0  # from the last possible place of a merge to a vehicle's own, as much as one vehicle's word
+STATION_SD_M = 8.0  # of the place of a lane change between stations 10 m apart
+LENGTH_FACTORS, LENGTH_WEIGHTS = np.array([0.85, 1.0, 1.15]), np.array([0.25, 0.5, 0.25])  # of the taper's length
+STEP_M = 2.0
+
+
+def merging_taper_m(speed_mps: float, *, width_m: float) -> float:
+    """Length L [m] of a merging taper: W S from 45 mph, W S^2 / 60 below. Source: MUTCD 11th ed., Table 6B-4."""
+    speed_mph = mph_from_mps(speed_mps)
+    width_ft = feet_from_metres(width_m)
+    return METRES_PER_FOOT * width_ft * (speed_mph if speed_mph >= 42.5 else speed_mph**2 / 60)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TaperLine:
+    """Belief in the station where a device line reaches the inner edge of a lane; it starts a `length` before, at the outer.
+
+    `stations` (m,) [m] ascend; `probability` (lengths, m) are the chances that the line ends there, for each of `lengths`.
+    """
+
+    stations: FloatArray
+    probability: FloatArray
+    lengths: FloatArray
+
+    def open_beyond(self, s: FloatArray, across: FloatArray) -> FloatArray:
+        """Chance (n,) that the line is still ahead at stations s (n,), shares `across` (n,) of the lane from its inner edge."""
+        chance = np.zeros(len(s))
+        for length, weight, row in zip(self.lengths, LENGTH_WEIGHTS, self.probability, strict=True):
+            below = np.concatenate([[0.0], np.cumsum(row)])
+            place = s + length * np.clip(across, 0.0, 1.0)
+            edges = np.concatenate([self.stations - STEP_M / 2, [self.stations[-1] + STEP_M / 2]])
+            chance += weight * (1 - np.interp(place, edges, below))
+        return chance
+
+    @property
+    def end(self) -> float:
+        """Expected station [m] of the line's end."""
+        return float(LENGTH_WEIGHTS @ (self.probability @ self.stations))
+
+    @property
+    def end_sd(self) -> float:
+        """Standard deviation [m] of the line's end."""
+        return float(np.sqrt(LENGTH_WEIGHTS @ (self.probability @ (self.stations - self.end) ** 2)))
+
+
+def fit_taper_line(
+    stations: FloatArray, shares: FloatArray, *, length: float, half_vehicle: float, kink: float | None
+) -> TaperLine:
+    """The belief from vehicles that left the lane: their shares (vehicles, stations) of its width still to go, at stations [m].
+
+    No vehicle's body crosses the line, so each bounds it from below; how far they scatter tells how much later it may be. A
+    kink of the open lanes' course at station `kink` [m], where a shifting taper starts, bounds it from above: the merging
+    taper ends there, or a tangent of about L/2 before. `half_vehicle` is half a vehicle's width in lane widths.
+    """
+    lengths = length * LENGTH_FACTORS
+    # Body's outer side at (share + half_vehicle - 1/2) of the lane; a line that ends at e is at (e - s) / length of it.
+    across = np.clip(shares + half_vehicle - 0.5, 0.0, 1.0)
+    bounds = np.array([np.where(across > 0, stations + at * across, -np.inf).max(axis=1) for at in lengths])
+    low = float(bounds.min())
+    ends = np.arange(low - 4 * STATION_SD_M, max(float(bounds.max()), kink or low) + 6 * GAP_PRIOR_M, STEP_M)
+    rows = []
+    for at, each in zip(lengths, bounds, strict=True):
+        last, n = each.max(), len(each)
+        # The gap from the last of n vehicles to the line, when gaps are exponential, is exponential with an n-th of the mean.
+        scale = (GAP_PRIOR_M + (last - each).sum()) / n / n
+        belief = _shifted_exponential(ends - last, scale)
+        if kink is not None:
+            belief = belief * _ahead_of_kink(kink - ends, at)
+        rows.append(belief / max(belief.sum(), 1e-300) if belief.sum() > 0 else _nearest(ends, last))
+    return TaperLine(stations=ends, probability=np.array(rows), lengths=lengths)
+
+
+def _shifted_exponential(gap: FloatArray, scale: float) -> FloatArray:
+    """Density of an exponential gap, blurred at 0 by the stations' error."""
+    return np.asarray(exponnorm.pdf(gap, scale / STATION_SD_M, scale=STATION_SD_M))
+
+
+def _ahead_of_kink(distance: FloatArray, length: float) -> FloatArray:
+    """Prior density of the line's end at a distance [m] ahead of where the shift starts: at once, or after a tangent."""
+    at_once = np.exp(-0.5 * (distance / 10.0) ** 2) / 10.0
+    tangent = np.exp(-0.5 * ((distance - length / 2) / (0.1 * length)) ** 2) / (0.1 * length)
+    anywhere = np.where((distance > -10) & (distance < 2 * length), 1 / length, 0.0)
+    return np.asarray(0.4 * at_once + 0.4 * tangent + 0.2 * anywhere + 1e-9)
+
+
+def _nearest(stations: FloatArray, place: float) -> FloatArray:
+    row = np.zeros(len(stations))
+    row[np.argmin(np.abs(stations - place))] = 1.0
+    return row
