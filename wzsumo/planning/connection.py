@@ -15,7 +15,7 @@ from wzsumo.planning.lattice import Lattice
 from wzsumo.planning.terrain import Terrain
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def connect(
     terrain: Terrain,
     body: Body,
@@ -45,7 +45,7 @@ def connect(
     return best, segments
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def shortest_length(x: float, y: float, heading: float, goal: FloatArray, radius: float) -> float:
     """Length [m] of the shortest Dubins curve to the goal, obstacles or not."""
     shortest = math.inf
@@ -55,7 +55,7 @@ def shortest_length(x: float, y: float, heading: float, goal: FloatArray, radius
     return shortest
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _cost_along(
     terrain: Terrain,
     body: Body,

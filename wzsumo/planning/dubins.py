@@ -13,7 +13,7 @@ _SIGNS = ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (-1, 1, -1), (1, -1, 1
 _TURN = 2 * math.pi
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def dubins_word(
     word: int, d_x: float, d_y: float, start_heading: float, goal_heading: float, radius: float
 ) -> tuple[float, float, float]:
@@ -59,13 +59,13 @@ def dubins_word(
     return radius * _forward(t), radius * p, radius * _forward(q)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def segment_sign(word: int, segment: int) -> int:
     """Sign of the curvature of a word's segment, 0 on the straight."""
     return _SIGNS[word][segment]
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _forward(angle: float) -> float:
     """The angle in [0, 2 pi); what is a full turn but for rounding is none."""
     turned = angle % _TURN

@@ -55,7 +55,7 @@ def sweep_margin(body: Body, *, step_m: float) -> float:
     return body.front * step_m
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def pose_is_free(
     distance: FieldArray, resolution: float, body: Body, x: float, y: float, heading: float, margin: float
 ) -> bool:
@@ -73,7 +73,7 @@ def pose_is_free(
     return True
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _outline_is_free(
     distance: FieldArray,
     resolution: float,
@@ -100,7 +100,7 @@ def _outline_is_free(
     return True
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def rows_crossed(
     y: float, cos: float, sin: float, rear: float, front: float, half_width: float, resolution: float
 ) -> tuple[int, int]:
@@ -110,7 +110,7 @@ def rows_crossed(
     return math.floor((y + low) / resolution), math.floor((y + high) / resolution)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def columns_crossed(
     x: float,
     y: float,

@@ -24,7 +24,7 @@ def cost_to_go(multiplier: FieldArray, *, dearest: float, goal_cell: tuple[int, 
     return _cost_to_go(multiplier, goal_cell[0] + 1, goal_cell[1] + 1, np.float32(resolution), math.ceil(dearest) + 2)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _cost_to_go(multiplier: FieldArray, goal_row: int, goal_col: int, resolution: np.float32, n_buckets: int) -> FieldArray:
     rows, cols = multiplier.shape
     metre = multiplier.ravel()
@@ -73,7 +73,7 @@ def _cost_to_go(multiplier: FieldArray, goal_row: int, goal_col: int, resolution
     return cost.reshape((rows, cols))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _widened(bucket: IntArray, n_buckets: int, capacity: int) -> IntArray:
     """The buckets with twice the capacity."""
     wider = np.empty(2 * len(bucket), dtype=np.int32)

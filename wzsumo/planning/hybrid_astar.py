@@ -30,7 +30,7 @@ _NO_KEY = -1
 IntArray = npt.NDArray[np.int64]
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def search(  # noqa: C901
     terrain: Terrain,
     cost_to_go: FieldArray,
@@ -117,7 +117,7 @@ def search(  # noqa: C901
     return LIMIT_REACHED if n_queue > 0 else EXHAUSTED, n_expansions, np.zeros((0, 2))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _arcs(lattice: Lattice) -> FloatArray:
     """Poses (k, n, 3) to be checked along each arc from the origin; the last one is its end."""
     n = max(1, math.ceil(lattice.step_m / lattice.check_m - 1e-9))
@@ -135,7 +135,7 @@ def _arcs(lattice: Lattice) -> FloatArray:
     return arcs
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _cost_of_arc(
     terrain: Terrain, body: Body, lattice: Lattice, arcs: FloatArray, arc: int, x: float, y: float, heading: float
 ) -> float:
@@ -152,13 +152,13 @@ def _cost_of_arc(
     return total * lattice.step_m / n * (1 + lattice.turn_cost * (lattice.curvatures[arc] / lattice.sharpest) ** 2)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _key(x: float, y: float, heading: float, lattice: Lattice) -> int:
     turned = int((heading % (2 * math.pi)) / lattice.heading_bin)  # below 3600: bins are 0.1 degrees or wider
     return (int(x / lattice.xy_bin_m) << 40) | (int(y / lattice.xy_bin_m) << 16) | turned
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _empty_table(size: int) -> tuple[IntArray, IntArray]:
     """Keys and the nodes that hold them, of an open-addressing table; its size is a power of two."""
     keys, holders = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
@@ -167,7 +167,7 @@ def _empty_table(size: int) -> tuple[IntArray, IntArray]:
     return keys, holders
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _slot(keys: IntArray, key: int) -> int:
     """Slot of a key: where it is, or the free one where it belongs."""
     mask = len(keys) - 1
@@ -178,7 +178,7 @@ def _slot(keys: IntArray, key: int) -> int:
     return slot
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _rehashed(keys: IntArray, holders: IntArray) -> tuple[IntArray, IntArray]:
     wider_keys, wider_holders = _empty_table(2 * len(keys))
     for old in range(len(keys)):
@@ -196,7 +196,7 @@ def _grown(values):  # type: ignore[no-untyped-def]
     return wider
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _push(queue_costs: FloatArray, queue_nodes: IntArray, size: int, cost: float, node: int) -> int:
     """Size of the binary heap after one more entry."""
     place = size
@@ -210,7 +210,7 @@ def _push(queue_costs: FloatArray, queue_nodes: IntArray, size: int, cost: float
     return size + 1
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _pop(queue_costs: FloatArray, queue_nodes: IntArray, size: int) -> int:
     """Size of the binary heap after its first entry is gone."""
     size -= 1
@@ -226,7 +226,7 @@ def _pop(queue_costs: FloatArray, queue_nodes: IntArray, size: int) -> int:
     return size
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _segments(parents: IntArray, arc_of: IntArray, last: int, lattice: Lattice, end: FloatArray) -> FloatArray:
     """Segments (n, 2) of the arcs that lead to a node, then the three of the curve that joins it with the goal."""
     n_arcs, node = 0, last

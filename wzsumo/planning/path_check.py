@@ -31,7 +31,7 @@ def exposure_along(poses: FloatArray, *, max_p_occupied: float, terrain: Terrain
     )
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def first_contact(poses: FloatArray, margins: FloatArray, terrain: Terrain, body: Body) -> int:
     """Index of the first pose whose body, wider by its margin [m], touches a blocked cell; -1 where none does."""
     for i in range(len(poses)):
@@ -41,7 +41,7 @@ def first_contact(poses: FloatArray, margins: FloatArray, terrain: Terrain, body
     return -1
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def cost_along(poses: FloatArray, terrain: Terrain) -> float:
     """Cost of a path: length times multiplier at the axle, infinite off the map."""
     rows, cols = terrain.multiplier.shape
@@ -55,7 +55,7 @@ def cost_along(poses: FloatArray, terrain: Terrain) -> float:
     return total
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _max_p_under(poses: FloatArray, terrain: Terrain, body: Body) -> FloatArray:
     """Largest p (n,) of the cells that the outline touches at each pose; 1 where it leaves the map."""
     p_occupied, resolution = terrain.p_occupied, terrain.resolution
@@ -75,7 +75,7 @@ def _max_p_under(poses: FloatArray, terrain: Terrain, body: Body) -> FloatArray:
     return largest
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _min_clearance(poses: FloatArray, max_p_occupied: float, terrain: Terrain, body: Body, limit_m: float) -> float:
     """Least distance [m] of the outline from a blocked cell, at most `limit_m`."""
     p_occupied, resolution, best = terrain.p_occupied, terrain.resolution, limit_m
@@ -106,7 +106,7 @@ def _min_clearance(poses: FloatArray, max_p_occupied: float, terrain: Terrain, b
     return best
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _gap(ahead: float, left: float, cos: float, sin: float, half_cell: float, body: Body, best: float) -> float:
     """Distance, if below `best`, between the outline and a square cell centred at (ahead, left) of the axle; 0 on contact.
 
@@ -132,7 +132,7 @@ def _gap(ahead: float, left: float, cos: float, sin: float, half_cell: float, bo
     return nearest
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _meet(ahead: float, left: float, cos: float, sin: float, half_cell: float, body: Body) -> bool:
     """Whether outline and square overlap: no axis of either separates them."""
     reach = half_cell * (abs(cos) + abs(sin))

@@ -100,7 +100,7 @@ def smooth(
     return np.column_stack([x, y])
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _smooth(
     x: FloatArray,
     y: FloatArray,
@@ -137,7 +137,7 @@ def _smooth(
             break
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _push_off(
     terrain: Terrain, body: Body, x: float, y: float, cos: float, sin: float, needed: float
 ) -> tuple[int, float, float]:
@@ -162,7 +162,7 @@ def _push_off(
     return count, push, nearest
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _distance_and_slope(distance: FieldArray, resolution: float, x: float, y: float) -> tuple[float, float, float]:
     """Distance [m] at a point, bilinear between cell centres, and its gradient."""
     rows, cols = distance.shape
@@ -178,7 +178,7 @@ def _distance_and_slope(distance: FieldArray, resolution: float, x: float, y: fl
     return low + v * (high - low), slope_x, (high - low) / resolution
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _bending_matrix(n: int) -> FloatArray:
     """Lower band (n, 4) of D'D: [i, k] = (D'D)[i, i - k], D the third differences 1, -3, 3, -1 of the line.
 
@@ -198,7 +198,7 @@ def _bending_matrix(n: int) -> FloatArray:
     return band
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _add_bending(line: FloatArray, first_way: float, last_way: float, stiffness: float, pull: FloatArray) -> None:
     """Add to the pull on one coordinate what straightens the line: minus the gradient of half the squared differences."""
     n = len(line)
@@ -216,7 +216,7 @@ def _add_bending(line: FloatArray, first_way: float, last_way: float, stiffness:
     pull[n - 3] += bend
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _factorise(band: FloatArray, weights: FloatArray, stiffness: float, lower: FloatArray) -> None:
     """Cholesky factor of W + stiffness D'D for the inner points: lower[i, k] = L[i, i - k]."""
     for i in range(1, len(weights) - 1):
@@ -228,7 +228,7 @@ def _factorise(band: FloatArray, weights: FloatArray, stiffness: float, lower: F
             lower[i, back] = value / lower[i - back, 0] if back > 0 else math.sqrt(value + weights[i])
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _advance(line: FloatArray, pull: FloatArray, lower: FloatArray, step: FloatArray) -> float:
     """Move one coordinate of the inner points to where pull and bending balance; returns the largest move [m]."""
     n, moved = len(line), 0.0

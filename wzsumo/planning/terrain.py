@@ -51,7 +51,7 @@ def terrain_of(grid: OccupancyGrid, *, body: Body, spec: PlannerSpec, reach_m: f
 
 
 # No value is nan: without that case the compiler turns the loop over a row into vector code.
-@njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
 def _multiplier(
     distance: FieldArray,
     p_occupied: FieldArray,
