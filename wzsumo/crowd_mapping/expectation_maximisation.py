@@ -113,7 +113,7 @@ def _candidates(box, rows, chosen):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
-def _pass(x, y, boxes, block_size, rows, sums):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+def _pass(x, y, boxes, block_size, rows, sums):  # type: ignore[no-untyped-def]
     """Log-likelihood of all points; adds r, r u, r v, r u u, r u v, r v v of every component to `sums` (k, 6)."""
     n, k = len(x), len(rows)
     chosen = np.empty(k, dtype=np.int64)
@@ -172,7 +172,7 @@ def _pass(x, y, boxes, block_size, rows, sums):  # type: ignore[no-untyped-def] 
 
 
 @njit(cache=True)
-def _maximise(sums, n, reg_covar, weights, means, covariances):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+def _maximise(sums, n, reg_covar, weights, means, covariances):  # type: ignore[no-untyped-def]
     total = 0.0
     for j in range(len(weights)):
         count = sums[j, 0] + _TINY_COUNT
@@ -189,7 +189,7 @@ def _maximise(sums, n, reg_covar, weights, means, covariances):  # type: ignore[
 
 
 @njit(cache=True)
-def _iterate(x, y, boxes, block_size, weights, means, covariances, reg_covar, tol, max_iterations):  # type: ignore[no-untyped-def]  # noqa: PLR0917
+def _iterate(x, y, boxes, block_size, weights, means, covariances, reg_covar, tol, max_iterations):  # type: ignore[no-untyped-def]
     n = len(x)
     sums = np.zeros((len(weights), 6))
     before = -np.inf

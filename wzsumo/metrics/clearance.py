@@ -1,0 +1,45 @@
+"""How near a path comes to devices and to the road's edge, from the exact outline of the vehicle."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from wzsumo.frames import FloatArray, arc_length
+from wzsumo.path import swept_area
+from wzsumo.vehicle import VehicleGeometry
+from wzsumo.work_zone import WorkZoneLayout
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance:
+    """Distances [m] of the vehicle's outline along a path; 0 where it touches."""
+
+    min_clearance_devices_m: float  # to the nearest device's outline
+    min_clearance_road_edge_m: float  # to the nearer edge of the pavement, shoulders included; below 0: beyond it
+    closed_area_share: float  # of the path's length with part of the outline in the closed area
+
+
+def clearance_along(poses: npt.ArrayLike, *, vehicle: VehicleGeometry, layout: WorkZoneLayout) -> Clearance:
+    """Clearance of rear-axle poses (n, 3) to the devices, the pavement's edges and the closed area of `layout`."""
+    path = np.asarray(poses, dtype=float)
+    swept = swept_area(path, vehicle)
+    x, y, radius = layout.devices[["x_m", "y_m", "radius_m"]].to_numpy(dtype=float).T
+    to_devices = shapely.distance(shapely.points(x, y), swept) - radius
+    outlines = np.array([vehicle.outline(pose) for pose in path])
+    _, d = layout.road.to_sd(outlines.reshape(-1, 2))
+    to_edges = np.minimum(d + layout.road.right_shoulder, layout.road.left_edge - d)
+    return Clearance(
+        min_clearance_devices_m=max(float(to_devices.min()), 0.0),
+        min_clearance_road_edge_m=float(to_edges.min()),
+        closed_area_share=_share_inside(path, outlines, layout),
+    )
+
+
+def _share_inside(path: FloatArray, outlines: FloatArray, layout: WorkZoneLayout) -> float:
+    closed = layout.closed_area
+    shapely.prepare(closed)
+    inside = shapely.intersects(closed, shapely.polygons(outlines)).astype(float)
+    steps = np.diff(arc_length(path[:, :2]))
+    return float(np.sum((inside[1:] + inside[:-1]) / 2 * steps) / max(steps.sum(), 1e-9))

@@ -1,0 +1,70 @@
+"""The ways from traces to a map that stand side by side, by the names that the command line knows."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pandas as pd
+
+from wzsumo.crowd_mapping.drivable_area import MixtureSpec, samples_inside, squares_map, swept_map
+from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+from wzsumo.crowd_mapping.mixture import Mixture
+from wzsumo.crowd_mapping.selection import MixtureSweep, sweep_mixtures
+from wzsumo.frames import FloatArray
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.plan import PlannerSpec
+
+PAPER_INFLATION_M = 0.7  # Chen et al. 2022, both mapping branches; the paper plans for a point on that map
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Crowd:
+    """What the crowd's traces gave: the traces, the mixtures tried, the one chosen, the samples drawn from it."""
+
+    traces: pd.DataFrame
+    sweep: MixtureSweep
+    mixture: Mixture
+    samples: FloatArray
+
+
+def learn_from(
+    traces: pd.DataFrame, *, spec: MixtureSpec, seed: int, progress: Callable[[int, int], None] | None = None
+) -> Crowd:
+    """The mixture of the traces' points, chosen by AIC or BIC over K = 1..k_max, and samples from its 95 % region."""
+    points = traces[["x_m", "y_m"]].to_numpy(dtype=float)
+    sweep = sweep_mixtures(points, seed=seed, k_max=spec.k_max, progress=progress)
+    mixture = sweep.best("aic" if spec.criterion == "aic" else "bic")
+    return Crowd(traces=traces, sweep=sweep, mixture=mixture, samples=samples_inside(mixture, spec=spec, seed=seed))
+
+
+def paper_literal(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
+    """The paper's inverse grid with its 5 x 5 inch squares."""
+    del half_width_m, seed
+    return squares_map(crowd.samples, side_m=spec.literal_square_m, grid=cells)
+
+
+def paper(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
+    """The paper's inverse grid with squares so large that the samples join."""
+    del half_width_m, seed
+    return squares_map(crowd.samples, side_m=spec.square_m, grid=cells)
+
+
+def swept(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
+    """The 95 % region of vehicle centres, swept by the vehicle's width."""
+    return swept_map(crowd.mixture, half_width_m=half_width_m, spec=spec, grid=cells, seed=seed)
+
+
+def lanes(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
+    """The lanes that the traces were driven in, with a probability in every cell."""
+    del spec
+    lane_spec = LaneStructureSpec(vehicle_width_m=2 * half_width_m)
+    return lane_structured_map(crowd.traces, spec=lane_spec, grid=cells, seed=seed).grid
+
+
+MAP_METHODS = {method.__name__: method for method in (paper_literal, paper, swept, lanes)}
+
+
+def planner_for(method: str, planner: PlannerSpec) -> PlannerSpec:
+    """The planner that belongs to a method: the paper's maps are inflated and searched for a point, as in the paper."""
+    if method in {"paper_literal", "paper"}:
+        return planner.model_copy(update={"body": "point", "inflation_radius_m": PAPER_INFLATION_M})
+    return planner

@@ -1,0 +1,108 @@
+"""Scenario: everything that a spec file says of one case, read and checked."""
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from wzsumo.control.controller import ControlSpec
+from wzsumo.control.plant import PlantSpec
+from wzsumo.crowd_mapping.drivable_area import MixtureSpec
+from wzsumo.errors import SpecError
+from wzsumo.mutcd.layout import lay_out
+from wzsumo.planning.plan import PlannerSpec
+from wzsumo.road import Road, RoadSpec
+from wzsumo.sensing.gnss import GnssSpec
+from wzsumo.simulation.files import SimulationSpec
+from wzsumo.spec import Spec, parse_spec, read_toml
+from wzsumo.vehicle import VehicleGeometry
+from wzsumo.work_zone import WorkZone, WorkZoneLayout
+
+Pose = tuple[float, float, float]
+
+
+class CrowdSpec(Spec):
+    """Whose traces are collected, and how many of them make the map."""
+
+    penetration: float = Field(0.15, gt=0, le=1)  # share of vehicles that report
+    collected: int = Field(30, ge=1)  # Chen et al. 2022
+    used: int = Field(5, ge=1)  # ibid.
+
+
+class RouteSpec(Spec):
+    """Where the ego starts and where it wants to go: lane centres before and after the zone, 0 = rightmost lane."""
+
+    start_lane: int = Field(ge=0)
+    start_before_zone_m: float = Field(150.0, gt=0)
+    goal_lane: int = Field(ge=0)
+    goal_after_zone_m: float = Field(100.0, gt=0)
+
+
+class MapSpec(Spec):
+    """The cells of the maps."""
+
+    resolution_m: float = Field(0.127, gt=0, le=1)  # 5 in, the sample of Chen et al. 2022
+    margin_m: float = Field(2.0, ge=0)  # beyond the pavement's edges
+
+
+class Scenario(Spec):
+    """One case: frozen, and with its seed all that decides the result."""
+
+    name: str = Field(min_length=1, pattern=r"^[\w.-]+$")
+    seed: int = Field(ge=0)
+    road: RoadSpec
+    work_zone: WorkZone
+    simulation: SimulationSpec = SimulationSpec()
+    crowd: CrowdSpec = CrowdSpec()
+    gnss: GnssSpec = GnssSpec(error_m=0.0, sampling_interval_s=0.1)
+    mixture: MixtureSpec = MixtureSpec()
+    map: MapSpec = MapSpec()
+    route: RouteSpec
+    vehicle: VehicleGeometry = VehicleGeometry()
+    planner: PlannerSpec = PlannerSpec()
+    control: ControlSpec = ControlSpec()
+    plant: PlantSpec = PlantSpec()
+
+    def layout(self) -> WorkZoneLayout:
+        """The layout of the zone on its road."""
+        return lay_out(self.work_zone, self.road.build())
+
+    def start_and_goal(self, layout: WorkZoneLayout) -> tuple[Pose, Pose]:
+        """Rear-axle poses (x, y, heading) of start and goal. Raises SpecError where they are not on the road."""
+        route, road = self.route, layout.road
+        stations = (layout.start - route.start_before_zone_m, layout.end + route.goal_after_zone_m)
+        for key, lane in (("start_lane", route.start_lane), ("goal_lane", route.goal_lane)):
+            if lane >= len(road.lane_widths):
+                raise SpecError(f"route.{key}={lane} must be a lane of the road, 0..{len(road.lane_widths) - 1}")
+        if not self.vehicle.length_m < stations[0] < stations[1] < road.length - self.vehicle.length_m:
+            raise SpecError(
+                f"route: start and goal at stations {stations[0]:.0f} and {stations[1]:.0f} m must lie on the road, "
+                f"0..{road.length:.0f} m; change start_before_zone_m, goal_after_zone_m, or the road's length"
+            )
+        start, goal = (
+            _lane_pose(road, station, lane) for station, lane in zip(stations, (route.start_lane, route.goal_lane), strict=True)
+        )
+        return start, goal
+
+
+def load_scenario(path: Path, *, seed: int | None = None) -> Scenario:
+    """The scenario of a TOML file, with another seed where one is given. Raises SpecError: file, key, value, rule, remedy."""
+    content: dict[str, Any] = read_toml(path)
+    if seed is not None:
+        content = content | {"seed": seed}
+    scenario = parse_spec(Scenario, content, source=str(path))
+    try:
+        scenario.start_and_goal(scenario.layout())
+    except SpecError as error:
+        raise SpecError(f"{path}: {error}") from None
+    if scenario.crowd.used > scenario.crowd.collected:
+        raise SpecError(
+            f"{path}: crowd.used={scenario.crowd.used} must be at most crowd.collected={scenario.crowd.collected}; "
+            "collect more or use fewer"
+        )
+    return scenario
+
+
+def _lane_pose(road: Road, station: float, lane: int) -> Pose:
+    x, y = road.to_xy(station, road.lane_centre(lane))
+    return float(x), float(y), float(road.heading_at(station))
