@@ -1,6 +1,7 @@
 """From the density of vehicle centres to the area that may be driven on: the paper's squares and the swept region."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,23 +22,38 @@ class MixtureSpec(Spec):
     k_max: int = Field(30, ge=1, le=200)  # Chen et al. 2022 show K up to about 30
     criterion: str = Field("bic", pattern="^(bic|aic)$")  # ibid.: "the lowest AIC and BIC"
     n_samples: int = Field(5000, ge=1)  # ibid.
-    mass_share: float = Field(0.95, gt=0, lt=1)  # ibid.: samples within the 95 % region
+    mass_share: float = Field(0.95, gt=0, lt=1)  # ibid.: samples within the 95 % confidence interval
     literal_square_m: float = Field(0.127, gt=0)  # ibid.: 5 by 5 inch
     square_m: float = Field(1.524, gt=0)  # 5 by 5 FOOT: the smallest round size that joins the samples (see the README)
 
+    driver_sd_m: float = Field(0.25, ge=0, le=1)  # swept: drivers' scatter in a lane, 0.2-0.4 m in naturalistic studies
+
 
 def samples_inside(mixture: Mixture, *, spec: MixtureSpec, seed: int) -> FloatArray:
-    """`n_samples` points (n, 2) [m] drawn from the mixture within its highest-density region of `mass_share`."""
-    level = mixture.density_level(spec.mass_share, seed=seed)
-    kept: list[FloatArray] = []
-    count = 0
-    for attempt in range(50):
+    """`n_samples` points (n, 2) [m] drawn from the mixture within the region of `inside_region`."""
+    kept = np.empty((0, 2))
+    for attempt in range(50):  # each draw keeps at least `mass_share` of its points
         drawn = mixture.sample(math.ceil(1.2 * spec.n_samples / spec.mass_share), seed=seed + attempt)
-        kept.append(drawn[mixture.log_density(drawn) >= level])
-        count += len(kept[-1])
-        if count >= spec.n_samples:
+        kept = np.vstack([kept, drawn[inside_region(mixture, drawn, mass_share=spec.mass_share)]])
+        if len(kept) >= spec.n_samples:
             break
-    return np.vstack(kept)[: spec.n_samples]
+    return kept[: spec.n_samples]
+
+
+def inside_region(mixture: Mixture, points: npt.ArrayLike, *, mass_share: float) -> BoolArray:
+    """Whether points (n, 2) lie in the ellipse of any component that holds `mass_share` of that component.
+
+    The union of the ellipses holds at least that share of the mixture. It is one piece where the components overlap; the
+    highest-density region is not: it leaves out whole stretches that are driven fast, because fixes come by time.
+    In two dimensions the squared Mahalanobis distance is exponential: its quantile is -2 log(1 - share).
+    """
+    xy = np.asarray(points, dtype=float)
+    inside = np.zeros(len(xy), dtype=bool)
+    for mean, covariance in zip(mixture.means, mixture.covariances, strict=True):
+        offset = xy - mean
+        squared = np.einsum("ij,jk,ik->i", offset, np.linalg.inv(covariance), offset)
+        inside |= squared <= -2 * math.log(1 - mass_share)
+    return inside
 
 
 def squares_map(samples: npt.ArrayLike, *, side_m: float, grid: OccupancyGrid) -> OccupancyGrid:
@@ -58,10 +74,13 @@ def squares_map(samples: npt.ArrayLike, *, side_m: float, grid: OccupancyGrid) -
     return grid.with_p_occupied(~covered)
 
 
-def swept_map(mixture: Mixture, *, half_width_m: float, spec: MixtureSpec, grid: OccupancyGrid, seed: int) -> OccupancyGrid:
-    """The region that holds `mass_share` of vehicle centres, widened by half a vehicle: 0 there, unknown elsewhere."""
-    level = mixture.density_level(spec.mass_share, seed=seed)
-    inside = _dense_cells(mixture, level=level, grid=grid)
+def swept_map(mixture: Mixture, *, half_width_m: float, spec: MixtureSpec, grid: OccupancyGrid) -> OccupancyGrid:
+    """The region that holds `mass_share` of vehicle centres, widened by half a vehicle: 0 there, unknown elsewhere.
+
+    A component is taken to be at least `driver_sd_m` wide in every direction: a few traces cannot show how drivers scatter,
+    and one alone gives a component of no width.
+    """
+    inside = _cells_in_region(_at_least_as_wide(mixture, sd=spec.driver_sd_m), mass_share=spec.mass_share, grid=grid)
     if not inside.any():
         return grid.with_p_occupied(np.full(grid.shape, UNKNOWN))
     distance = distance_transform_edt(~inside, sampling=grid.resolution)
@@ -70,22 +89,24 @@ def swept_map(mixture: Mixture, *, half_width_m: float, spec: MixtureSpec, grid:
     return grid.with_p_occupied(np.where(swept, 0.0, UNKNOWN))
 
 
-def _dense_cells(mixture: Mixture, *, level: float, grid: OccupancyGrid) -> BoolArray:
-    """Cells (rows, cols) whose centre has at least the log density `level`; looked for component by component.
+def _at_least_as_wide(mixture: Mixture, *, sd: float) -> Mixture:
+    variances, axes = np.linalg.eigh(mixture.covariances)
+    wide = np.maximum(variances, sd**2)
+    return replace(mixture, covariances=np.einsum("kij,kj,klj->kil", axes, wide, axes))
 
-    The density at a point is at most the sum over components of their own, so that a cell above the level lies within the
-    ellipse of one of them where that component alone reaches level - log K.
-    """
+
+def _cells_in_region(mixture: Mixture, *, mass_share: float, grid: OccupancyGrid) -> BoolArray:
+    """Cells (rows, cols) whose centre lies in the region; each ellipse is looked for in its bounding box alone."""
     inside = np.zeros(grid.shape, dtype=bool)
-    for weight, mean, covariance in zip(mixture.weights, mixture.means, mixture.covariances, strict=True):
-        peak = math.log(max(weight, 1e-300)) - math.log(2 * math.pi) - 0.5 * math.log(np.linalg.det(covariance))
-        reach = math.sqrt(max(2 * (peak - (level - math.log(len(mixture.weights)))), 0.0))
-        extent = reach * np.sqrt(np.diag(covariance))
-        (row_0, row_1), (col_0, col_1) = grid.cell_of([mean - extent, mean + extent])
+    reach = math.sqrt(-2 * math.log(1 - mass_share))
+    for k in range(mixture.n_components):
+        one = replace(mixture, weights=np.ones(1), means=mixture.means[[k]], covariances=mixture.covariances[[k]])
+        extent = reach * np.sqrt(np.diag(mixture.covariances[k]))
+        (row_0, row_1), (col_0, col_1) = grid.cell_of([mixture.means[k] - extent, mixture.means[k] + extent])
         rows = np.arange(max(row_0, 0), min(row_1 + 1, grid.shape[0]))
         cols = np.arange(max(col_0, 0), min(col_1 + 1, grid.shape[1]))
         if rows.size and cols.size:
             centres = grid.centre_of(rows[:, None], cols[None, :])
-            dense = mixture.log_density(centres.reshape(-1, 2)).reshape(centres.shape[:2]) >= level
-            inside[np.ix_(rows, cols)] |= dense
+            found = inside_region(one, centres.reshape(-1, 2), mass_share=mass_share)
+            inside[np.ix_(rows, cols)] |= found.reshape(centres.shape[:2])
     return inside

@@ -82,7 +82,7 @@ def _cost_along(
         half = curvature * step / 2
         chord = step * (math.sin(half) / half if half != 0 else 1.0)
         margin = lattice.sweep_margin * abs(curvature)
-        dearer = step * (1 + lattice.turn_cost * (curvature / lattice.sharpest) ** 2)
+        dearer = step * (1 + lattice.turn_cost * abs(curvature) / lattice.sharpest)
         for _ in range(n):
             x += chord * math.cos(heading + half)
             y += chord * math.sin(heading + half)

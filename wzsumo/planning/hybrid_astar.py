@@ -149,7 +149,7 @@ def _cost_of_arc(
         if not pose_is_free(terrain.distance, resolution, body, to_x, to_y, to_heading, margin):
             return math.inf
         total += terrain.multiplier[int(to_y / resolution) + 1, int(to_x / resolution) + 1]
-    return total * lattice.step_m / n * (1 + lattice.turn_cost * (lattice.curvatures[arc] / lattice.sharpest) ** 2)
+    return total * lattice.step_m / n * (1 + lattice.turn_cost * abs(lattice.curvatures[arc]) / lattice.sharpest)
 
 
 @njit(cache=True, error_model="numpy")

@@ -33,6 +33,7 @@ from wzsumo.work_zone import WorkZoneLayout
 
 WARM_UP_S = 120.0  # the road is full after the slowest vehicle has passed it once (1.8 km at 21 m/s: 87 s)
 DRIVE_LIMIT_S = 400.0
+TRACE_MARGIN_M = 50.0  # traces reach this far beyond the zone, so that what is learned joins the nominal map
 NOT_RUN = {"slam": "the LiDAR SLAM baseline is not part of this run"}
 
 
@@ -116,7 +117,7 @@ def _collect(fleet: pd.DataFrame, layout: WorkZoneLayout, scenario: Scenario) ->
     collected_ids = first_traces(equipped, scenario.crowd.collected, key="crowd.collected")
     used_ids = first_traces(equipped, scenario.crowd.used, key="crowd.used")
     station, _ = layout.road.to_sd(fleet[["x_m", "y_m"]])
-    in_zone = (station >= layout.start) & (station <= layout.end)
+    in_zone = (station >= layout.start - TRACE_MARGIN_M) & (station <= layout.end + TRACE_MARGIN_M)
     passing = fleet[in_zone & fleet["vehicle_id"].isin(collected_ids).to_numpy()]
     reported = report(passing, spec=scenario.gnss, seed=scenario.seed)
     return reported, reported[reported["vehicle_id"].isin(used_ids)].reset_index(drop=True)

@@ -50,7 +50,8 @@ def paper(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m
 
 def swept(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
     """The 95 % region of vehicle centres, swept by the vehicle's width."""
-    return swept_map(crowd.mixture, half_width_m=half_width_m, spec=spec, grid=cells, seed=seed)
+    del seed
+    return swept_map(crowd.mixture, half_width_m=half_width_m, spec=spec, grid=cells)
 
 
 def lanes(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
