@@ -1,0 +1,170 @@
+"""What the command line does, one function a verb: files in, files out, figures returned."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from wzsumo.crowd_mapping.drivable_area import MixtureSpec
+from wzsumo.errors import InputError, MapError, SpecError
+from wzsumo.grid import FREE_THRESHOLD, blank_grid, read_map, write_map
+from wzsumo.output import staged_folder
+from wzsumo.planning.plan import PlannerSpec, plan_path
+from wzsumo.simulation.files import write_sumo_files
+from wzsumo.study.case import run_case
+from wzsumo.study.figures import draw_layout
+from wzsumo.study.layout_files import write_layout
+from wzsumo.study.mapping_methods import MAP_METHODS, learn_from
+from wzsumo.study.report import write_report
+from wzsumo.study.scenario import load_scenario
+from wzsumo.traces_file import read_traces
+from wzsumo.vehicle import VehicleGeometry
+
+MAP_MARGIN_M = 10.0  # around the traces
+LARGEST_SPAN_M = 20_000.0  # of a trace file; lat/lon pretending to be metres, or two places, give themselves away
+
+Figures = dict[str, Any]
+
+
+def lay_out_scenario(scenario: Path, out: Path) -> Figures:
+    """Write layout.geojson, devices.csv and layout.png; lengths and areas of the zone."""
+    layout = load_scenario(scenario).layout()
+    with staged_folder(out) as stage:
+        write_layout(layout, stage)
+        draw_layout(stage)
+    return {
+        "areas_m": {area.name: round(area.length, 3) for area in layout.areas},
+        "start_m": layout.start,
+        "end_m": layout.end,
+        "n_devices": len(layout.devices),
+        "drivable_m2": layout.drivable.area,
+        "closed_area_m2": layout.closed_area.area,
+        "pavement_m2": layout.pavement.area,
+    }
+
+
+def write_net(scenario: Path, out: Path) -> Figures:
+    """Write the SUMO files of a scenario; edges and lanes."""
+    spec = load_scenario(scenario)
+    with staged_folder(out) as stage:
+        files = write_sumo_files(spec.layout(), stage, spec=spec.simulation, seed=spec.seed)
+    return {"config": str(out / files.config.name), "edges": {edge.id: len(edge.lanes) for edge in files.edges}}
+
+
+def run_scenario(scenario: Path, out: Path, *, seed: int | None, methods: list[str] | None) -> Figures:
+    """Run a whole case into `out`; its result."""
+    spec = load_scenario(scenario, seed=seed)
+    chosen = methods or list(MAP_METHODS)
+    unknown = [name for name in chosen if name not in MAP_METHODS]
+    if unknown:
+        raise SpecError(f"--method {unknown[0]}: unknown; known methods: {', '.join(MAP_METHODS)}")
+    with staged_folder(out) as stage:
+        result = run_case(spec, stage, methods=chosen, progress=progress_bar)
+        write_report(stage)
+    return result
+
+
+def map_traces(traces: Path, out: Path, *, method: str, seed: int, resolution_m: float) -> Figures:
+    """Write map.pgm and map.yaml of anybody's traces; what they are made of."""
+    table = read_traces(traces)
+    points = table[["x_m", "y_m"]].to_numpy(dtype=float)
+    span = np.ptp(points, axis=0)
+    if span.max() > LARGEST_SPAN_M:
+        raise InputError(
+            f"{traces}: the fixes spread over {span.max() / 1000:.0f} km; a map holds one zone of at most "
+            f"{LARGEST_SPAN_M / 1000:.0f} km: cut the file, and give x_m, y_m in metres of a local frame"
+        )
+    if span.max() < 1.0:
+        raise InputError(
+            f"{traces}: all fixes lie within {span.max():.4f} m; a map needs vehicles that move, in metres (x_m, y_m; not degrees)"
+        )
+    spec = MixtureSpec()
+    bounds = (*(points.min(axis=0) - MAP_MARGIN_M), *(points.max(axis=0) + MAP_MARGIN_M))
+    cells = blank_grid(tuple(map(float, bounds)), resolution=resolution_m, p_occupied=1.0)  # type: ignore[arg-type]
+    half_width = float(table["width_m"].median()) / 2 if "width_m" in table else VehicleGeometry().width_m / 2
+    with progress_bar("mixtures", 2 * spec.k_max) as tell:
+        crowd = learn_from(table, spec=spec, seed=seed, progress=lambda done, _: tell(done))
+    grid = MAP_METHODS[method](crowd, spec=spec, cells=cells, half_width_m=half_width, seed=seed)
+    with staged_folder(out) as stage:
+        write_map(grid, stage)
+    return {
+        "map": str(out / "map.yaml"),
+        "method": method,
+        "n_traces": int(table["vehicle_id"].nunique()),
+        "n_fixes": len(table),
+        "n_components": crowd.mixture.n_components,
+        "free_m2": float(grid.free.sum() * resolution_m**2),
+        "vehicle_width_m": 2 * half_width,
+    }
+
+
+def plan_on_map(map_yaml: Path, out: Path, *, start: list[float], goal: list[float], speed_mps: float) -> Figures:
+    """Plan on a ROS map and write the path; status, clearance and times. No path: nothing is written."""
+    grid = read_map(map_yaml)
+    if not (np.isfinite(start).all() and np.isfinite(goal).all()):
+        raise MapError(f"--start {start} and --goal {goal} must be finite numbers X Y DEG")
+    spec = PlannerSpec(planned_speed_mps=speed_mps, max_p_occupied=FREE_THRESHOLD)
+    plan = plan_path(grid, start=_pose(start), goal=_pose(goal), vehicle=VehicleGeometry(), spec=spec)
+    if plan.path is not None:
+        with staged_folder(out.parent) as stage:
+            plan.path.to_csv(stage / out.name)
+    return {
+        "status": str(plan.status),
+        "reason": plan.reason,
+        "length_m": float(plan.path.arc_length[-1]) if plan.path else None,
+        "min_clearance_m": plan.min_clearance_m if plan.path else None,
+        "max_curvature_1pm": float(np.abs(plan.path.curvature).max()) if plan.path else None,
+        "plan_ms": plan.timings_ms["total"],
+        "timings_ms": plan.timings_ms,
+        "n_expansions": plan.n_expansions,
+    }
+
+
+def report_again(folder: Path) -> Figures:
+    """Write the report of a run's folder again."""
+    if not (folder / "result.json").is_file():
+        raise InputError(f"{folder}: holds no result.json; name the --out folder of a finished `wzsumo run`")
+    try:
+        json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"{folder / 'result.json'}: not JSON ({error}); run the scenario again") from None
+    return {"report": str(write_report(folder))}
+
+
+def warm_up() -> Figures:
+    """Compile every numba kernel once, so that no first run waits."""
+    from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+    from wzsumo.planning.plan import compile_kernels
+    from wzsumo.sensing import gnss
+
+    compile_kernels()
+    gnss.compile_kernels()
+    s = np.arange(0.0, 300.0, 5.0)
+    traces = pd.concat(
+        pd.DataFrame({"vehicle_id": f"v{n}", "time_s": s / 20, "x_m": s, "y_m": 0.2 * n + 0.01 * np.sin(s)}) for n in range(4)
+    )
+    learn_from(traces, spec=MixtureSpec(k_max=4), seed=1)
+    cells = blank_grid((-10.0, -10.0, 310.0, 10.0), resolution=0.5, p_occupied=1.0)
+    lane_structured_map(traces, spec=LaneStructureSpec(posted_speed_mph=45), grid=cells, seed=1)
+    return {"warm": True}
+
+
+@contextmanager
+def progress_bar(name: str, total: float) -> Iterator[Any]:
+    """A bar on stderr; its value is called with how far the step has come."""
+    with tqdm(total=total, desc=f"{name:<24}", bar_format="{desc}{percentage:3.0f} %|{bar:30}| {elapsed}<{remaining}") as bar:
+
+        def tell(done: float) -> None:
+            bar.update(min(done, total) - bar.n)
+
+        yield tell
+
+
+def _pose(values: list[float]) -> tuple[float, float, float]:
+    x, y, heading_deg = values
+    return x, y, float(np.deg2rad(heading_deg))
