@@ -19,6 +19,7 @@ ROUNDS = 4  # of lanes and course in turn; changes vanish after two or three
 # every few hundred metres and none between.
 KINK_SCALE_M = 0.02
 REWEIGHTINGS = 12
+SETTLED_M = 5e-4
 LEAST_NOISE_M = 0.05  # of a station's mean: vehicles wander by this within seconds even where simulated ones do not
 FIRST_DRIFT_M, FIRST_NOISE_M = 0.08, 0.25  # per 10 m and per station, until they are estimated
 
@@ -91,7 +92,9 @@ def trend_filter(values: FloatArray, precisions: FloatArray, *, scale: float) ->
             for j, b in enumerate((1.0, -2.0, 1.0)):
                 if j >= i:
                     bands[2 - (j - i), j : n - 2 + j] += a * b * curvature_weight
-        course = solveh_banded(bands, precisions * filled)
+        before, course = course, solveh_banded(bands, precisions * filled)
+        if np.abs(course - before).max() < SETTLED_M:
+            break
         curvature_weight = 1 / (scale * np.maximum(np.abs(np.diff(course, 2)), 1e-4))
     return np.asarray(course)
 
