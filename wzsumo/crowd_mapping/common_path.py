@@ -19,7 +19,9 @@ ROUNDS = 4  # of lanes and course in turn; changes vanish after two or three
 # every few hundred metres and none between.
 KINK_SCALE_M = 0.02
 REWEIGHTINGS = 12
+SETTLED_M = 5e-4
 LEAST_NOISE_M = 0.05  # of a station's mean: vehicles wander by this within seconds even where simulated ones do not
+LEAST_DRIFT = 0.15  # of the noise, per station; wzsumo.sensing.gnss at 25 m/s has 0.2
 FIRST_DRIFT_M, FIRST_NOISE_M = 0.08, 0.25  # per 10 m and per station, until they are estimated
 
 
@@ -91,7 +93,9 @@ def trend_filter(values: FloatArray, precisions: FloatArray, *, scale: float) ->
             for j, b in enumerate((1.0, -2.0, 1.0)):
                 if j >= i:
                     bands[2 - (j - i), j : n - 2 + j] += a * b * curvature_weight
-        course = solveh_banded(bands, precisions * filled)
+        before, course = course, solveh_banded(bands, precisions * filled)
+        if np.abs(course - before).max() < SETTLED_M:
+            break
         curvature_weight = 1 / (scale * np.maximum(np.abs(np.diff(course, 2)), 1e-4))
     return np.asarray(course)
 
@@ -151,7 +155,7 @@ def _sizes(residuals: FloatArray) -> tuple[float, float]:
 
     Half the mean square over l stations is noise^2 + l drift^2 / 2; medians keep unfinished lane changes out.
     """
-    lags = np.array([1, 2, 4, 8])
+    lags = np.array([1, 2, 4, 8, 16, 32])
     half_squares = []
     for lag in lags:
         gaps = residuals[:, lag:] - residuals[:, :-lag]
@@ -162,7 +166,9 @@ def _sizes(residuals: FloatArray) -> tuple[float, float]:
     if known.sum() < 2:
         return FIRST_DRIFT_M, FIRST_NOISE_M
     slope, base = np.polyfit(lags[known], np.array(half_squares)[known], 1)
-    return float(np.clip(np.sqrt(max(2 * slope, 0.0)), 0.02, 0.5)), float(np.clip(np.sqrt(max(base, 0.0)), 0.12, 1.0))
+    noise = float(np.clip(np.sqrt(max(base, 0.0)), 0.12, 1.0))
+    # Changes found by mistake take the drift away with them: it is not let fall below what errors of such a noise have.
+    return float(np.clip(np.sqrt(max(2 * slope, 0.0)), LEAST_DRIFT * noise, 0.5)), noise
 
 
 def _filled(row: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ LEAST_SPREAD_M = 0.08  # between traces: drivers differ by 0.2 to 0.4 m, simulat
 SPREAD_PRIOR_M, SPREAD_PRIOR_COUNT = 0.35, 1.0  # as much as one trace of such a spread
 WRONG_LANE_CHANCE = 0.1  # that a vehicle that moved inwards was not in a closed lane, or went on to a lane beyond the next
 OUT_OF_PLACE_COST = 4.0  # -log of the chance that a vehicle moves towards a closed side for good: one in 50
+CHANGE_MARGIN = 3  # stations
 CHANGE_WINDOW = 12  # stations to either side of a lane change that tell how far it went
 
 
@@ -106,7 +107,8 @@ def _width_from_changes(path: CommonPath, offsets: FloatArray, prior: tuple[floa
         for jump in jumps.tolist():
             window = np.arange(max(0, jump - reach), min(len(row), jump + reach + 1))
             window = window[np.isfinite(row[window]) & ~np.isin(window, moving)]
-            low, high = window[window <= jump], window[window > jump]
+            # A change may go on beside the stations that it was found at.
+            low, high = window[window < jump - CHANGE_MARGIN], window[window > jump + 1 + CHANGE_MARGIN]
             if len(low) < 2 or len(high) < 2 or np.ptp(lanes[low]) or np.ptp(lanes[high]):
                 continue
             size = abs(row[high].mean() - row[low].mean())

@@ -26,7 +26,7 @@ from wzsumo.units import mps_from_mph
 DOWNSTREAM_TAPER_M = 30.48  # per lane; MUTCD 11th ed., Table 6B-3: 50 to 100 ft
 DEFAULT_SPEED_MPS = 26.8  # 60 mph, where neither the posted speed nor the traces' own says more
 SPEED_SPELL_S = 3.0
-LEAST_SUPPORT = 0.03  # share of the traces that must have driven in a lane
+LEAST_SUPPORT = 0.06  # share of the traces that must have left a lane: at 2 m error up to 5 % seem to by mistake
 KINK_SLACK_M = 30.0  # of a kink beside the last lane change: three stations
 FADED = 0.01  # weight below which an old trace is dropped
 
@@ -169,8 +169,9 @@ def _tapers(
             (share[:, before], stations[before], 1, closing, length),
             (share[:, after], -stations[after], -1, opening, DOWNSTREAM_TAPER_M),
         ):
-            users = shares[shares.max(axis=1, initial=-1.0) > 0.5]
-            if not len(users):
+            using = shares.max(axis=1, initial=-1.0) > 0.5
+            users = shares[using]
+            if not len(users) or weights[using].sum() < LEAST_SUPPORT * weights.sum():
                 continue
             # Shifts away from the closed side follow the last merge; shifts back come before the first return.
             last = float(at[(users > 0.05).any(axis=0)].max())
