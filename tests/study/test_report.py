@@ -1,5 +1,6 @@
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -160,6 +161,13 @@ def test_truth_on_a_map_counts_the_cells_of_the_drivable_area_within_the_zone(fo
     assert zone.sum() == 400 * 13 / 0.25**2
     assert truth.sum() == 400 / 0.25 * round(7.2 / 0.25)  # 29 rows have their centre below y = 7.2 m
     assert (zone | ~truth).all()
+
+
+def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder, tmp_path):
+    run = read_result_folder(folder)
+    assert run.vehicle.width_m == 1.86
+    (tmp_path / "scenario.toml").write_text("[vehicle]\nwidth_m = 2.5\n")
+    assert replace(run, folder=tmp_path).vehicle.width_m == 2.5
 
 
 def test_folder_without_a_run_is_refused_with_the_files_it_lacks(tmp_path):

@@ -18,12 +18,11 @@ from wzsumo.study.zone_axes import (
     show_zone,
     thirds,
 )
-from wzsumo.vehicle import VehicleGeometry
 
 
 def draw_drive(run: ResultFolder, method: str) -> Figure:
     """What the outline of the vehicle sweeps between devices and pavement edge, and its speed and steering over x."""
-    vehicle, log = VehicleGeometry.model_validate({}), run.drive_of(method)
+    vehicle, log = run.vehicle, run.drive_of(method)
     figure, rows = new_figure(5, row_height=1.5)
     if log is None:
         return figure

@@ -1,4 +1,4 @@
-"""The figures of a report: counterparts of Figures 4 to 9 and 11 of Chen et al. 2022. Each has one function."""
+"""The figures of a report: counterparts of Figures 4 to 9 and 11 of Chen et al. 2022. Files, titles and captions."""
 
 import re
 from collections.abc import Callable
@@ -6,31 +6,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse, Patch
-from matplotlib.ticker import MaxNLocator
 
 from wzsumo.study.drive_figure import draw_drive
+from wzsumo.study.map_figures import draw_maps, draw_truth
+from wzsumo.study.mixture_figures import draw_components, draw_criteria, draw_samples
 from wzsumo.study.result_folder import ResultFolder
-from wzsumo.study.zone_axes import (
-    BLACK,
-    BLUE,
-    GREY,
-    SKY_BLUE,
-    VERMILION,
-    YELLOW,
-    add_area,
-    legend_above,
-    new_figure,
-    plain,
-    show_zone,
-    state_stretch,
-    thirds,
-)
-
-CHI2_95 = 5.991464547107979  # 95 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.05
+from wzsumo.study.zone_axes import SKY_BLUE, add_area, legend_above, new_figure, plain, show_zone
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,110 +73,16 @@ def draw_zone(run: ResultFolder) -> Figure:
     for number, (name, start, end) in enumerate(run.areas):
         for station in (start, end):
             axes.axvline(station, color="#777777", linewidth=0.6, linestyle=":")
-        height = 1.03 + 0.11 * (number % 3)
-        label = f"{plain(name)}\n" if len(name) > 60 else f"{plain(name)} {end - start:.0f} m"
-        axes.annotate(label, ((start + end) / 2, height), xycoords=("data", "axes fraction"), ha="center", fontsize=8)
-    legend_above(figure, axes)
-    return figure
-
-
-def draw_criteria(run: ResultFolder) -> Figure:
-    """AIC and BIC over the number of components (paper: Figure 5)."""
-    figure, (axes,) = new_figure(1, row_height=3.2, head=0.4)
-    sweep, chosen = run.sweep, run.result.get("n_components")
-    for column, colour, marker in (("aic", BLUE, "o"), ("bic", VERMILION, "s")):
-        axes.plot(sweep["n_components"], sweep[column], color=colour, marker=marker, markersize=4, label=column.upper())
-    if chosen is not None:
-        rule = str(run.result.get("n_components_rule", "-")).upper()
-        axes.axvline(chosen, color=BLACK, linestyle="--", linewidth=1, label=f"chosen K = {chosen} ({plain(rule)})")
-    axes.set(xlabel="number of components K [-]", ylabel="criterion [-], lower is better")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.grid(color="#E5E5E5")
-    axes.legend(frameon=False)
-    return figure
-
-
-def draw_components(run: ResultFolder) -> Figure:
-    """The components as 95 % ellipses over the used traces (paper: Figure 6)."""
-    figure, (axes,) = new_figure(1, row_height=2.6)
-    show_zone(axes, run)
-    traces = run.used_traces
-    axes.scatter(traces["x_m"], traces["y_m"], s=2, color=BLUE, alpha=0.5, linewidths=0, label="fix (vehicle centre)")
-    _, means, covariances = run.mixture
-    for number, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
-        variances, directions = np.linalg.eigh(covariance)
-        minor, major = 2 * np.sqrt(CHI2_95 * variances)
-        angle = np.rad2deg(np.arctan2(directions[1, 1], directions[0, 1]))
-        label = None if number else "component, 95 %"
-        axes.add_patch(
-            Ellipse(mean, major, minor, angle=angle, fill=False, edgecolor=BLACK, linewidth=1, label=label, zorder=6)
+        at_edge = {0: (start, "left"), len(run.areas) - 1: (end, "right")}
+        station, side = at_edge.get(number, ((start + end) / 2, "center"))
+        axes.annotate(
+            f"{plain(name)}, {end - start:.0f} m",
+            (station, 1.03 + 0.11 * (number % 3)),  # three heights, so that the names of short areas keep apart
+            xycoords=("data", "axes fraction"),
+            ha=side,
+            fontsize=8,
         )
     legend_above(figure, axes)
-    return figure
-
-
-def draw_samples(run: ResultFolder) -> Figure:
-    """The points drawn from the mixture (paper: Figure 7)."""
-    figure, (axes,) = new_figure(1, row_height=2.6)
-    show_zone(axes, run)
-    samples = run.samples
-    axes.scatter(samples["x_m"], samples["y_m"], s=2, color=BLUE, alpha=0.5, linewidths=0, label="sample")
-    legend_above(figure, axes)
-    return figure
-
-
-def draw_maps(run: ResultFolder, methods: list[str]) -> Figure:
-    """The map of every method (paper: Figure 8)."""
-    figure, rows = new_figure(len(methods), row_height=1.6, head=0.6)
-    for axes, name in zip(rows, methods, strict=True):
-        show_zone(axes, run)
-        grid = run.map_of(name)
-        if grid is not None:
-            x_0, y_0, x_1, y_1 = grid.bounds
-            axes.imshow(
-                grid.p_occupied,
-                cmap="Greys",
-                vmin=0,
-                vmax=1,
-                origin="lower",
-                extent=(x_0, x_1, y_0, y_1),
-                aspect="auto",
-                zorder=3,
-            )
-        axes.set_title(plain(name), fontsize=9, loc="left")
-        axes.set_autoscale_on(False)
-    patches = [
-        Patch(facecolor=c, edgecolor=BLACK, label=t) for c, t in (("white", "free"), (GREY, "unknown"), (BLACK, "occupied"))
-    ]
-    handles, _ = rows[0].get_legend_handles_labels()
-    figure.legend(handles=[*patches, handles[-1]], loc="upper right", ncols=4, frameon=False, fontsize=8)
-    return figure
-
-
-def draw_truth(run: ResultFolder, method: str) -> Figure:
-    """Cells that a map has right, wrongly free and wrongly occupied, with the planned path (paper: Figure 9)."""
-    figure, rows = new_figure(3, row_height=1.6)
-    grid, path = run.map_of(method), run.path_of(method)
-    if grid is None:
-        return figure
-    zone, truth = run.truth_on(grid)
-    classes = np.ma.masked_equal(np.select([truth & grid.free, zone & grid.free, truth], [1, 2, 3], default=0), 0)
-    colours = {"true positive": SKY_BLUE, "false positive": VERMILION, "false negative": YELLOW}
-    x_0, y_0, x_1, y_1 = grid.bounds
-    for axes, stretch_of in zip(rows, thirds(run), strict=True):
-        show_zone(axes, run, stretch_of=stretch_of)
-        limits = axes.get_xlim(), axes.get_ylim()
-        axes.imshow(
-            classes, cmap=ListedColormap(list(colours.values())), vmin=0.5, vmax=3.5, origin="lower", aspect="auto",
-            extent=(x_0, x_1, y_0, y_1), interpolation="nearest", zorder=3,
-        )  # fmt: skip
-        axes.set(xlim=limits[0], ylim=limits[1])
-        state_stretch(axes)
-        if path is not None:
-            axes.plot(path["x_m"], path["y_m"], color=BLACK, linewidth=1.2, label="planned path", zorder=6)
-    handles, _ = rows[0].get_legend_handles_labels()
-    patches = [Patch(color=colour, label=label) for label, colour in colours.items()]
-    figure.legend(handles=[*patches, *handles], loc="upper right", ncols=7, frameon=False, fontsize=8, borderaxespad=0.3)
     return figure
 
 

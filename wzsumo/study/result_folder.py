@@ -1,6 +1,7 @@
 """ResultFolder: what one run wrote, read back for its report."""
 
 import json
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from wzsumo.errors import InputError
 from wzsumo.grid import BoolArray, OccupancyGrid, cells_inside, read_map
+from wzsumo.vehicle import VehicleGeometry
 
 NEEDED_FILES = ("result.json", "layout.geojson", "traces.parquet", "mixture_sweep.csv", "mixture.json", "samples.csv")
 
@@ -60,6 +62,13 @@ class ResultFolder:
         """The fixes that the maps were made from."""
         traces = pd.read_parquet(self.folder / "traces.parquet")
         return traces[traces["used"].astype(bool)]
+
+    @property
+    def vehicle(self) -> VehicleGeometry:
+        """The ego's outline, as the run's effective spec has it."""
+        spec = self.folder / "scenario.toml"
+        table = tomllib.loads(spec.read_text(encoding="utf-8")) if spec.exists() else {}
+        return VehicleGeometry.model_validate(table.get("vehicle", {}))
 
     @property
     def sweep(self) -> pd.DataFrame:

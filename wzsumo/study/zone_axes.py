@@ -40,15 +40,15 @@ def show_zone(axes: Axes, run: ResultFolder, *, stretch_of: tuple[float, float] 
     devices = run.devices
     axes.scatter(devices["x_m"], devices["y_m"], s=5, color=VERMILION, label="device", zorder=5, linewidths=0)
     _, low, _, high = run.polygons["pavement"].union(run.polygons["closed_area"]).bounds
-    axes.set(xlim=(start, end), ylim=(low - MARGIN_M[1], high + MARGIN_M[1]), xlabel="x [m]")
+    axes.set(xlim=(start, end), ylim=(low - MARGIN_M[1], high + MARGIN_M[1]))
     state_stretch(axes)
 
 
 def state_stretch(axes: Axes) -> None:
-    """Label the y axis with its unit and by how much more it is stretched than the x axis."""
+    """Label the axes with their unit and with how much longer a metre across the road is drawn than one along it."""
     (x_0, x_1), (y_0, y_1) = axes.get_xlim(), axes.get_ylim()
     stretch = (axes.bbox.height / (y_1 - y_0)) / (axes.bbox.width / (x_1 - x_0))
-    axes.set_ylabel(f"y [m], {stretch:.1f} : 1")
+    axes.set(xlabel=f"x [m]  (y is stretched {stretch:.1f} : 1)", ylabel="y [m]")
 
 
 def add_area(axes: Axes, area: BaseGeometry, *, label: str | None = None, **style: Any) -> None:
@@ -66,7 +66,9 @@ def add_area(axes: Axes, area: BaseGeometry, *, label: str | None = None, **styl
 def legend_above(figure: Figure, axes: Axes, *, columns: int = 7) -> None:
     """Put the legend of `axes` at the top of the figure, out of the way of the data."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper right", ncols=columns, frameon=False, fontsize=8, borderaxespad=0.3)
+    figure.legend(
+        handles, labels, loc="upper right", ncols=columns, frameon=False, fontsize=8, borderaxespad=0.3, markerscale=2.5
+    )
 
 
 def thirds(run: ResultFolder) -> list[tuple[float, float]]:
