@@ -13,6 +13,7 @@ from wzsumo.errors import InputError
 from wzsumo.grid import blank_grid, cells_inside, write_map
 from wzsumo.study.report import best_method, write_report
 from wzsumo.study.result_folder import read_result_folder
+from wzsumo.study.zone_axes import new_figure, state_stretch
 
 HOSTILE = "<img src=x onerror=alert(1)>"
 STEMS = ["fig04_zone", "fig05_criteria", "fig06_components", "fig07_samples", "fig08_maps",
@@ -161,6 +162,13 @@ def test_truth_on_a_map_counts_the_cells_of_the_drivable_area_within_the_zone(fo
     assert zone.sum() == 400 * 13 / 0.25**2
     assert truth.sum() == 400 / 0.25 * round(7.2 / 0.25)  # 29 rows have their centre below y = 7.2 m
     assert (zone | ~truth).all()
+
+
+def test_stretch_of_an_axis_is_the_ratio_of_its_two_scales():
+    _, (axes,) = new_figure(1, row_height=1.6)
+    axes.set(xlim=(0, 950.25), ylim=(0, 16))  # 10.5 in * 0.905 = 9.5025 in for 950.25 m; 1.6 in for 16 m: 1 to 10
+    state_stretch(axes)
+    assert axes.get_xlabel() == "x [m]  (y is stretched 10.0 : 1)"
 
 
 def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder, tmp_path):
