@@ -1,0 +1,90 @@
+"""The figures of a report: counterparts of Figures 4 to 9 and 11 of Chen et al. 2022. Files, titles and captions."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from wzsumo.study.drive_figure import draw_drive
+from wzsumo.study.map_figures import draw_maps, draw_truth
+from wzsumo.study.mixture_figures import draw_components, draw_criteria, draw_samples
+from wzsumo.study.result_folder import ResultFolder
+from wzsumo.study.zone_axes import SKY_BLUE, add_area, legend_above, new_figure, plain, show_zone
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportFigure:
+    """An image file, its title and what its caption says."""
+
+    path: Path
+    title: str
+    caption: str
+
+
+def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
+    """Every figure of the run, written to `folder` as PNG, in the order of the paper."""
+    folder.mkdir(parents=True, exist_ok=True)
+    seed, n, k = (run.result.get(key, "-") for key in ("seed", "n_traces", "n_components"))
+    run_of = f"n = {n} traces, seed {seed}."
+    truth = "Truth is the drivable area of the layout, device line to edge line, within the zone."
+    mapped = [name for name in run.methods if run.map_of(name) is not None]
+    driven = [name for name in run.methods if run.drive_of(name) is not None]
+    plans: list[tuple[str, Callable[[], Figure], str, str]] = [
+        ("fig04_zone", partial(draw_zone, run), "Work zone (paper: Fig. 4)",
+         f"Plan view, n = {len(run.devices)} devices. Truth of all later figures: the drivable area."),
+        ("fig05_criteria", partial(draw_criteria, run), "Number of components (paper: Fig. 5)",
+         f"AIC and BIC over the number of components K of the mixture; K = {k} chosen. {run_of}"),
+        ("fig06_components", partial(draw_components, run), "Components (paper: Fig. 6)",
+         f"95 % ellipses of the {k} components over the {len(run.used_traces)} fixes they are fitted to. {run_of}"),
+        ("fig07_samples", partial(draw_samples, run), "Samples (paper: Fig. 7)",
+         f"n = {len(run.samples)} points drawn from the mixture inside its 95 % region. {run_of}"),
+    ]  # fmt: skip
+    if mapped:
+        plans.append(
+            ("fig08_maps", partial(draw_maps, run, mapped), "Maps (paper: Fig. 8)", f"What each method maps. {run_of}")
+        )
+    plans += [
+        (f"fig09_truth_{_file_name(name)}", partial(draw_truth, run, name), f"Map and truth, {name} (paper: Fig. 9)",
+         f"Cells within the zone, in three pieces, and the planned path of the rear axle. {run_of} {truth}")
+        for name in mapped
+    ]  # fmt: skip
+    plans += [
+        (f"fig11_drive_{_file_name(name)}", partial(draw_drive, run, name), f"Drive, {name} (paper: Fig. 11)",
+         "The area that the vehicle's outline sweeps between devices and pavement edge, in three pieces; then its speed and "
+         f"steering. n = 1 drive. {run_of} Truth: the layout's devices and edges; poses as simulated.")
+        for name in driven
+    ]  # fmt: skip
+    figures = []
+    for stem, draw, title, caption in plans:
+        path = folder / f"{stem}.png"
+        draw().savefig(path)
+        figures.append(ReportFigure(path=path, title=title, caption=caption))
+    return figures
+
+
+def draw_zone(run: ResultFolder) -> Figure:
+    """The zone from above, with the names of its areas (paper: Figure 4)."""
+    figure, (axes,) = new_figure(1, row_height=2.3, head=1.25)
+    show_zone(axes, run)
+    add_area(axes, run.polygons["drivable"], label="drivable area", facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
+    for number, (name, start, end) in enumerate(run.areas):
+        for station in (start, end):
+            axes.axvline(station, color="#777777", linewidth=0.6, linestyle=":")
+        at_edge = {0: (start, "left"), len(run.areas) - 1: (end, "right")}
+        station, side = at_edge.get(number, ((start + end) / 2, "center"))
+        axes.annotate(
+            f"{plain(name)}, {end - start:.0f} m",
+            (station, 1.03 + 0.11 * (number % 3)),  # three heights, so that the names of short areas keep apart
+            xycoords=("data", "axes fraction"),
+            ha=side,
+            fontsize=8,
+        )
+    legend_above(figure, axes)
+    return figure
+
+
+def _file_name(method: str) -> str:
+    return re.sub(r"[^A-Za-z0-9-]", "_", method)
