@@ -1,0 +1,34 @@
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup scenario test bench clean
+
+VENV := .venv
+BIN := $(VENV)/bin
+# One thread a process: the tests run in two processes, and small matrices are slower with more.
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1
+
+help:  ## list the targets
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
+
+setup: $(VENV)/.ready  ## make .venv with everything the toolkit needs
+
+$(VENV)/.ready: requirements.lock pyproject.toml setup.sh
+	@./setup.sh $(VENV)
+	@touch $@
+
+scenario: setup  ## run the paper's scenario into results/paper
+	$(BIN)/wzsumo run scenarios/paper.toml --out results/paper
+
+test: setup  ## lint, types and tests; stops at the first stage that fails
+	$(BIN)/ruff check . >&2
+	$(BIN)/ruff format --check . >&2
+	$(BIN)/mypy >&2
+	$(ONE_THREAD) $(BIN)/pytest -n 2
+
+bench: setup  ## run every benchmark, one after the other
+	@for script in analysis/benchmarks/*.py; do echo "== $$script" >&2; $(BIN)/python "$$script"; done
+
+clean:  ## remove .venv, results and caches
+	rm -rf $(VENV) results .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	find wzsumo tests analysis -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,56 @@
+import numpy as np
+import pandas as pd
+import pytest
+from builders import straight_traces
+
+from wzsumo.errors import TraceError
+from wzsumo.tables import check_traces
+
+TRACES = straight_traces([0.0, 3.5], length_m=10)
+
+
+def refusal(traces):
+    with pytest.raises(TraceError) as refused:
+        check_traces(traces, source="traces.csv")
+    return str(refused.value)
+
+
+def test_shuffled_traces_come_back_by_vehicle_and_time():
+    shuffled = TRACES.sample(frac=1, random_state=3)
+    pd.testing.assert_frame_equal(check_traces(shuffled, source="traces.csv"), TRACES)
+
+
+def test_checking_leaves_the_given_table_unchanged():
+    given = TRACES.assign(vehicle_id=np.arange(len(TRACES)), lane=1)
+    before = given.copy()
+    checked = check_traces(given, source="traces.csv")
+    pd.testing.assert_frame_equal(given, before)
+    assert "lane" not in checked.columns
+    assert all(isinstance(id_, str) for id_ in checked["vehicle_id"])
+
+
+@pytest.mark.parametrize("column", ["vehicle_id", "time_s", "x_m", "y_m"])
+def test_missing_column_is_refused_by_name_with_those_given(column):
+    message = refusal(TRACES.drop(columns=column))
+    assert f"traces.csv: column(s) {column} missing" in message
+    assert "given: " in message
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, "north"])
+@pytest.mark.parametrize("column", ["time_s", "x_m", "y_m", "speed_mps"])
+def test_value_that_is_no_finite_number_is_refused_with_row_and_column(column, value):
+    bad = TRACES.astype({column: object})
+    bad.loc[4, column] = value
+    message = refusal(bad)
+    assert f"traces.csv: {column} of row 4 is {value!r}" in message
+    assert f"1 of {len(TRACES)} rows" in message
+
+
+def test_empty_vehicle_id_is_refused_with_the_row():
+    bad = TRACES.astype({"vehicle_id": object})
+    bad.loc[2, "vehicle_id"] = None
+    assert "vehicle_id is empty in row 2" in refusal(bad)
+
+
+def test_table_without_fixes_is_refused():
+    assert "no fixes" in refusal(TRACES.iloc[:0])

@@ -1,0 +1,49 @@
+"""Inputs that many tests share, in one line each."""
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.mutcd.layout import lay_out
+from wzsumo.road import Bend, Road, RoadSpec
+from wzsumo.work_zone import WorkZone, WorkZoneLayout
+
+
+def paper_road(**changes) -> Road:
+    """Three 12 ft lanes between a 12 ft left and a 10 ft right shoulder, straight along +x."""
+    spec = {"lane_count": 3, "left_shoulder_ft": 12, "right_shoulder_ft": 10, "length_ft": 5000}
+    return RoadSpec(**spec | changes).build()
+
+
+def bent_road(radius_ft: float, *, arc_ft: float = 4100, **changes) -> Road:
+    """The paper's cross-section on a straight, a transition and an arc; a positive radius turns left."""
+    alignment = (
+        Bend(length_ft=500),
+        Bend(length_ft=400, end_radius_ft=radius_ft),
+        Bend(length_ft=arc_ft, radius_ft=radius_ft),
+    )
+    return paper_road(length_ft=None, alignment=alignment, **changes)
+
+
+def paper_work_zone(**changes) -> WorkZone:
+    """60 mph, left lane and left shoulder closed, the other two lanes shifted by 12 ft and 11 ft wide."""
+    spec = {
+        "posted_speed_mph": 60, "start_ft": 800, "closed_lanes": (2,), "closed_shoulder": "left",
+        "shift_ft": 12, "shifted_lane_width_ft": 11, "work_length_ft": 650,
+    }  # fmt: skip
+    return WorkZone(**spec | changes)
+
+
+def paper_layout(**changes) -> WorkZoneLayout:
+    """The paper's zone on the paper's road."""
+    return lay_out(paper_work_zone(**changes), paper_road())
+
+
+def straight_traces(offsets_m, *, length_m=100.0, step_m=2.0, speed_mps=20.0) -> pd.DataFrame:
+    """A trace table: one vehicle an offset y, along +x from 0 to length_m."""
+    x = np.arange(0.0, length_m + step_m / 2, step_m)
+    traces = [
+        pd.DataFrame({"vehicle_id": f"v{i:03d}", "time_s": x / speed_mps, "x_m": x, "y_m": float(y), "heading_rad": 0.0,
+                      "speed_mps": speed_mps})
+        for i, y in enumerate(offsets_m)
+    ]  # fmt: skip
+    return pd.concat(traces, ignore_index=True)

@@ -1,0 +1,98 @@
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from builders import paper_layout
+
+from wzsumo.errors import SpecError
+from wzsumo.simulation.demand import DemandSpec, write_demand
+from wzsumo.simulation.network import edges_of
+from wzsumo.spec import parse_spec
+
+SPEED = 26.8224  # m/s, 60 mph
+EDGES = edges_of(paper_layout())
+
+
+def demand(folder, *, seed=1, **changes):
+    return write_demand(EDGES, folder, spec=DemandSpec(**changes), speed=SPEED, seed=seed)
+
+
+def vehicles(path):
+    return ET.parse(path).getroot().findall("vehicle")  # noqa: S314 our own file
+
+
+def within_5_sd(count, *, n, p):
+    return abs(count - n * p) <= 5 * np.sqrt(n * p * (1 - p))
+
+
+def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path):
+    first, again, other = (demand(tmp_path, seed=seed).read_bytes() for seed in (7, 7, 8))
+    assert first == again
+    assert first != other
+
+
+def test_vehicles_are_sorted_by_departure_within_the_duration(tmp_path):
+    departs = [float(v.get("depart")) for v in vehicles(demand(tmp_path, duration_s=900))]
+    assert departs == sorted(departs)
+    assert 0 <= departs[0] < departs[-1] < 900
+    ids = [v.get("id") for v in vehicles(demand(tmp_path))]
+    assert len(set(ids)) == len(ids)
+    assert sorted(ids) == ids
+
+
+@pytest.mark.parametrize("flow_vph", [60, 600, 3000])
+def test_number_of_vehicles_is_poisson_with_the_flow(tmp_path, flow_vph):
+    mean = flow_vph
+    count = len(vehicles(demand(tmp_path, flow_vph=flow_vph, duration_s=3600)))
+    assert abs(count - mean) <= 5 * np.sqrt(mean)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.4])
+def test_share_of_trucks_is_binomial(tmp_path, share):
+    types = [v.get("type") for v in vehicles(demand(tmp_path, truck_share=share, duration_s=7200))]
+    assert within_5_sd(sum(t.startswith("truck") for t in types), n=len(types), p=share)
+
+
+def test_longer_duration_starts_with_the_departures_of_the_shorter(tmp_path):
+    short, long = ([v.get("depart") for v in vehicles(demand(tmp_path, duration_s=t))] for t in (300, 600))
+    assert len(short) > 80
+    assert long[: len(short)] == short
+    assert float(long[len(short)]) >= 300
+
+
+def test_lane_use_is_followed_and_trucks_keep_out_of_the_left_lane(tmp_path):
+    all_ = vehicles(demand(tmp_path, lane_use=(0.2, 0.3, 0.5), truck_share=0.3, duration_s=7200))
+    cars = [int(v.get("departLane")) for v in all_ if v.get("type").startswith("car")]
+    trucks = [int(v.get("departLane")) for v in all_ if v.get("type").startswith("truck")]
+    assert all(within_5_sd(cars.count(lane), n=len(cars), p=p) for lane, p in enumerate((0.2, 0.3, 0.5)))
+    assert set(trucks) == {0, 1}
+
+
+def test_every_vehicle_has_a_type_and_drives_the_whole_road(tmp_path):
+    path = demand(tmp_path)
+    root = ET.parse(path).getroot()  # noqa: S314 our own file
+    assert {v.get("type") for v in root.findall("vehicle")} <= {t.get("id") for t in root.findall("vType")}
+    assert root.find("route").get("edges").split() == [edge.id for edge in EDGES]
+
+
+def test_drivers_begin_to_merge_within_the_given_distances(tmp_path):
+    types = ET.parse(demand(tmp_path, merge_ahead_m=(150, 400))).getroot().findall("vType")  # noqa: S314 our own file
+    # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right.
+    ahead = [float(t.get("lcStrategic")) * SPEED * 10 for t in types]
+    assert 149 < min(ahead) < 200
+    assert 350 < max(ahead) < 401
+
+
+@pytest.mark.parametrize(
+    ("changes", "rule"),
+    [
+        ({"truck_share": 1.0}, "truck_share=1.0"),
+        ({"flow_vph": 0}, "flow_vph=0"),
+        ({"lane_use": [0.5, 0.6]}, r"lane_use=\(0\.5, 0\.6\) must be shares"),
+        ({"merge_ahead_m": [400, 100]}, r"merge_ahead_m=\(400\.0, 100\.0\) must be \[nearest, farthest\]"),
+        ({"flow": 1000}, "flow: unknown key .*flow_vph"),
+    ],
+)
+def test_demand_that_cannot_be_is_refused(changes, rule):
+    with pytest.raises(SpecError, match=rule):
+        parse_spec(DemandSpec, changes, source="demand")

@@ -1,0 +1,87 @@
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+from builders import paper_layout
+
+from wzsumo.simulation.demand import DemandSpec
+from wzsumo.simulation.files import SimulationSpec, write_sumo_files
+from wzsumo.simulation.fleet import simulate_fleet
+from wzsumo.tables import check_traces
+from wzsumo.vehicle import VehicleGeometry
+
+LAYOUT = paper_layout()
+
+
+def simulate(folder, *, duration_s, seed):
+    spec = SimulationSpec(demand=DemandSpec(duration_s=duration_s))
+    return simulate_fleet(write_sumo_files(LAYOUT, folder, spec=spec, seed=seed), on_second=lambda _: None)
+
+
+@pytest.fixture(scope="module")
+def traces(tmp_path_factory):
+    return simulate(tmp_path_factory.mktemp("fleet"), duration_s=240, seed=1)
+
+
+def outlines(table):
+    """Rectangles (n,) around centres, built from the table's own columns."""
+    along = np.column_stack([np.cos(table["heading_rad"]), np.sin(table["heading_rad"])]) * table[["length_m"]].to_numpy() / 2
+    across = along[:, ::-1] * [-1, 1] * (table["width_m"] / table["length_m"]).to_numpy()[:, None]
+    centre = table[["x_m", "y_m"]].to_numpy()
+    corners = [centre - along - across, centre + along - across, centre + along + across, centre - along + across]
+    return shapely.polygons(np.stack(corners, axis=1))
+
+
+def test_outlines_built_here_match_the_vehicle_noun():
+    car = VehicleGeometry()
+    pose = np.array([3.0, -2.0, 0.7])
+    centre = pose[:2] + car.axle_to_centre_m * np.array([np.cos(0.7), np.sin(0.7)])
+    row = {"x_m": centre[0], "y_m": centre[1], "heading_rad": 0.7, "length_m": car.length_m, "width_m": car.width_m}
+    (outline,) = outlines(pd.DataFrame([row]))
+    assert outline.symmetric_difference(shapely.Polygon(car.outline(pose))).area < 1e-9
+
+
+def test_at_least_20_vehicles_pass_the_zone_in_four_minutes(traces):
+    span = traces.groupby("vehicle_id")["x_m"].agg(["min", "max"])
+    assert ((span["min"] < LAYOUT.start) & (span["max"] > LAYOUT.end)).sum() >= 20
+
+
+def test_no_vehicle_reaches_deeper_than_10_cm_into_the_closed_area(traces):
+    # SUMO keeps a vehicle's own lane to its lines, not a turned outline nor the end of a late lane change.
+    overlap = shapely.area(shapely.intersection(outlines(traces), LAYOUT.closed_area.buffer(-0.1)))
+    assert overlap.max() == 0
+    inside = shapely.intersects(outlines(traces), LAYOUT.closed_area.buffer(-1e-6))
+    assert inside.mean() < 0.002
+
+
+def test_vehicles_beside_the_activity_area_stay_within_the_open_lanes(traces):
+    area = LAYOUT.area("activity area")
+    beside = traces[traces["x_m"].between(area.start + 10, area.end - 10)]
+    corners = shapely.get_coordinates(outlines(beside))[:, 1] / 0.3048
+    assert len(beside) > 1000
+    assert corners.min() >= -10 - 0.2
+    assert corners.max() <= 12 + 0.2
+
+
+def test_fleet_is_a_trace_table_in_order(traces):
+    pd.testing.assert_frame_equal(check_traces(traces, source="fleet"), traces)
+
+
+def test_centre_moves_along_its_heading(traces):
+    steps = traces.groupby("vehicle_id")[["x_m", "y_m"]].diff(10).dropna()  # over one second
+    slope = np.arctan2(steps["y_m"], steps["x_m"])[steps["x_m"] > 5]
+    mean_heading = traces.groupby("vehicle_id")["heading_rad"].rolling(11).mean().droplevel(0)[slope.index]
+    assert np.abs(slope - mean_heading).quantile(0.95) < 0.01
+
+
+def test_vehicle_enters_with_its_rear_at_the_roads_start(traces):
+    first = traces.groupby("vehicle_id").first()
+    rear = first["x_m"] - first["length_m"] / 2
+    # departPos="base"; a vehicle that departs between two steps is logged up to one step of 0.1 s further on.
+    assert rear.between(-0.01, first["speed_mps"] * 0.1 + 0.2).all()
+
+
+def test_same_seed_gives_the_same_traces_and_another_seed_others(tmp_path):
+    first, again, other = (simulate(tmp_path, duration_s=30, seed=seed) for seed in (5, 5, 6))
+    pd.testing.assert_frame_equal(first, again)
+    assert not first.equals(other)

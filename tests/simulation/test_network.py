@@ -1,0 +1,98 @@
+from itertools import pairwise
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from builders import bent_road, paper_layout, paper_work_zone
+
+from wzsumo.mutcd.layout import lay_out
+from wzsumo.simulation.network import edges_of, write_network
+
+NARROWEST_FT = 8  # a closing lane ends where it is narrower
+
+
+def lanes_of_net(layout, folder):
+    """(edge id, stations, offsets, width) of every lane in the net file, edges in file order, lanes from the right."""
+    net = ET.parse(write_network(layout, folder))  # noqa: S314 our own file
+    for edge in net.getroot().findall("edge"):
+        for lane in edge.findall("lane"):
+            points = np.array([p.split(",")[:2] for p in lane.get("shape").split()], dtype=float)
+            s, d = layout.road.to_sd(points)
+            yield edge.get("id"), s, d, float(lane.get("width")), lane.get("disallow", "")
+
+
+def open_lines(layout, s):
+    """Right and left lines (n, 2) [m] of the lanes that are open at station s and wide enough, from the right."""
+    lines = [(float(q.right(s)), float(q.left(s))) for q in layout.lanes if q.start <= s < q.end]
+    return np.array(sorted(line for line in lines if line[1] - line[0] >= NARROWEST_FT * 0.3048 - 1e-6))
+
+
+LAYOUTS = {
+    "paper": paper_layout,
+    "left bend": lambda: lay_out(paper_work_zone(), bent_road(2500)),
+    "right bend": lambda: lay_out(paper_work_zone(), bent_road(-2500)),
+    "no shift": lambda: paper_layout(shift_ft=0, shifted_lane_width_ft=None),
+}
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_lane_centre_lines_in_the_net_match_the_layout_within_1_cm(tmp_path, name):
+    layout = LAYOUTS[name]()
+    by_edge = {}
+    for edge, s, d, width, _ in lanes_of_net(layout, tmp_path):
+        by_edge.setdefault(edge, []).append((s, d, width))
+    assert len(by_edge) > 10
+    for edge, lanes in by_edge.items():
+        middle = (lanes[0][0][0] + lanes[0][0][-1]) / 2
+        assert len(lanes) == len(open_lines(layout, middle)), edge
+        for number, (s, d, width) in enumerate(lanes):
+            inner = np.clip(s, s[0] + 0.05, s[-1] - 0.05)  # clear of the stations where the number of lanes changes
+            lines = np.array([open_lines(layout, station)[number] for station in inner])
+            assert np.abs(d - lines.mean(axis=1)).max() < 0.01, edge
+            assert width <= np.diff(lines, axis=1).min() + 0.01, edge
+
+
+def test_lanes_of_the_paper_zone_are_three_then_two_then_three():
+    layout = paper_layout()
+    counts = {edge.id: len(edge.lanes) for edge in edges_of(layout)}
+    in_order = list(counts.values())
+    assert in_order[0] == in_order[-1] == 3
+    changes = [b - a for a, b in pairwise(in_order) if a != b]
+    assert changes == [-1, 1]
+    inner = [
+        n for id_, n in counts.items() if id_.endswith(("tangent", "buffer", "activity_area", "shifting_taper", "shift_back"))
+    ]
+    assert set(inner) == {2}
+
+
+def test_edges_cover_the_road_without_a_gap():
+    layout = paper_layout()
+    edges = edges_of(layout)
+    assert [e.end for e in edges[:-1]] == [e.start for e in edges[1:]]
+    assert (edges[0].start, edges[-1].end) == (0, pytest.approx(layout.road.length))
+
+
+def test_closed_lane_ends_inside_the_merging_taper_where_it_is_8_ft_wide(tmp_path):
+    layout = paper_layout()
+    taper = layout.area("merging taper")
+    before_zone = [row for row in lanes_of_net(layout, tmp_path) if row[1][0] < layout.area("tangent").start]
+    left = {edge: (s, width, disallow) for edge, s, _, width, disallow in before_zone}  # the last of an edge is its leftmost
+    three = [edge for edge in left if sum(row[0] == edge for row in before_zone) == 3]
+    end = left[three[-1]][0][-1]
+    # 12 ft shrink to 8 ft over a third of the 720 ft.
+    assert end == pytest.approx(taper.start + 240 * 0.3048, abs=0.01)
+    assert left[three[-1]][1] == pytest.approx(NARROWEST_FT * 0.3048, abs=0.03)
+    in_taper = [edge for edge in three if left[edge][0][0] > taper.start - 0.1]
+    assert all("truck" in left[edge][2] for edge in in_taper)
+
+
+def test_every_lane_but_the_closing_one_leads_on(tmp_path):
+    layout = paper_layout()
+    net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 our own file
+    leads_on = {(c.get("from"), int(c.get("fromLane"))) for c in net.findall("connection")}
+    edges = [e for e in net.findall("edge") if e.get("function") != "internal"]
+    ends = {(e.get("id"), int(lane.get("index"))) for e in edges[:-1] for lane in e.findall("lane")} - leads_on
+    assert len(ends) == 1
+    ((edge, index),) = ends
+    assert index == 2
+    assert edge.endswith("merging_taper")
