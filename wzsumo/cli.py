@@ -59,9 +59,7 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
         case "run":
             return verbs.run_scenario(args.scenario, args.out, seed=args.seed, methods=args.method)
         case "map":
-            return verbs.map_traces(
-                args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m
-            )
+            return verbs.map_traces(args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m)
         case "plan":
             return verbs.plan_on_map(args.map, args.out, start=args.start, goal=args.goal, speed_mps=args.speed_mps)
         case "report":

@@ -24,7 +24,7 @@ LINE_MARGIN_M = 0.02  # SUMO lets a vehicle touch its lane's line, and rounds: a
 _NETCONVERT_OPTIONS = (
     # The default junction radius of 4 m moves nodes and cuts lanes; normalising moves the whole net (SUMO 1.28).
     "--no-turnarounds", "--offset.disable-normalization", "--precision", "4", "--default.junctions.radius", "0.1",
-    "--junctions.join", "false", "--no-internal-links", "true", "--xml-validation", "never",
+    "--junctions.join", "false", "--xml-validation", "never",
 )  # fmt: skip
 
 

@@ -17,10 +17,11 @@ from wzsumo.output import staged_folder
 from wzsumo.planning.plan import PlannerSpec, plan_path
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.study.case import run_case
-from wzsumo.study.figures import draw_layout
-from wzsumo.study.layout_files import write_layout
+from wzsumo.study.figures import draw_zone
+from wzsumo.study.layout_files import layout_geojson, write_layout
 from wzsumo.study.mapping_methods import MAP_METHODS, learn_from
 from wzsumo.study.report import write_report
+from wzsumo.study.result_folder import ResultFolder
 from wzsumo.study.scenario import load_scenario
 from wzsumo.traces_file import read_traces
 from wzsumo.vehicle import VehicleGeometry
@@ -36,7 +37,8 @@ def lay_out_scenario(scenario: Path, out: Path) -> Figures:
     layout = load_scenario(scenario).layout()
     with staged_folder(out) as stage:
         write_layout(layout, stage)
-        draw_layout(stage)
+        drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(layout))
+        draw_zone(drawing).savefig(stage / "layout.png")
     return {
         "areas_m": {area.name: round(area.length, 3) for area in layout.areas},
         "start_m": layout.start,
@@ -81,7 +83,7 @@ def map_traces(traces: Path, out: Path, *, method: str, seed: int, resolution_m:
         )
     if span.max() < 1.0:
         raise InputError(
-            f"{traces}: all fixes lie within {span.max():.4f} m; a map needs vehicles that move, in metres (x_m, y_m; not degrees)"
+            f"{traces}: all fixes lie within {span.max():.4f} m; a map needs vehicles that move, in metres (not degrees)"
         )
     spec = MixtureSpec()
     bounds = (*(points.min(axis=0) - MAP_MARGIN_M), *(points.max(axis=0) + MAP_MARGIN_M))
