@@ -10,7 +10,7 @@ import pytest
 import wzsumo
 
 PACKAGE = Path(wzsumo.__file__).parent
-BASE = {"errors", "units", "frames", "tables", "spec"}
+BASE = {"errors", "output", "units", "frames", "tables", "spec"}
 NOUNS = {"road", "work_zone", "vehicle", "grid", "path", "ego"}
 ENTRY = {"cli", "__main__"}
 STAGES = {folder.name for folder in PACKAGE.iterdir() if (folder / "__init__.py").exists()} - {"study"}
