@@ -16,6 +16,7 @@ from wzsumo.frames import FloatArray
 
 FREE_THRESHOLD = 0.196  # ROS map_server's default free_thresh: p_occupied below it is free
 OCCUPIED_THRESHOLD = 0.65  # ROS map_server's default occupied_thresh
+_USUAL_THRESHOLDS = {"occupied_thresh": OCCUPIED_THRESHOLD, "free_thresh": FREE_THRESHOLD}
 UNKNOWN = 0.5  # p(occupied) where nothing was observed
 BoolArray = npt.NDArray[np.bool_]
 
@@ -182,7 +183,15 @@ def _read_metadata(path: Path) -> dict[str, Any]:
         raise MapError(f"{path}: origin yaw {origin[2]} rad: rotated maps are not read; rotate the image and set yaw to 0")
     if metadata.get("mode", "trinary") not in {"trinary", "scale", "raw"}:
         raise MapError(f"{path}: mode={metadata['mode']!r} must be trinary, scale or raw")
-    return {"occupied_thresh": OCCUPIED_THRESHOLD, "free_thresh": FREE_THRESHOLD} | metadata
+    return metadata | _thresholds(path, metadata)
+
+
+def _thresholds(path: Path, metadata: dict[str, Any]) -> dict[str, float]:
+    given = {key: metadata.get(key, usual) for key, usual in _USUAL_THRESHOLDS.items()}
+    for key, value in given.items():
+        if not isinstance(value, int | float) or not 0 <= value <= 1:
+            raise MapError(f"{path}: {key}={value!r} must be a probability in [0, 1]")
+    return given
 
 
 def _read_image(path: Path, metadata: dict[str, Any]) -> npt.NDArray[np.uint8]:

@@ -157,6 +157,8 @@ def test_transparent_pixel_of_a_png_is_unknown(tmp_path):
         ({"origin": [0.0, 0.0, 0.3]}, r"yaw 0\.3 rad"),
         ({"mode": "binary"}, "mode='binary' must be trinary, scale or raw"),
         ({"resolution": float("inf")}, "resolution=inf"),
+        ({"free_thresh": "low"}, "free_thresh='low' must"),
+        ({"occupied_thresh": 65}, "occupied_thresh=65 must"),
     ],
 )
 def test_ros_map_that_cannot_be_is_refused_with_the_rule(tmp_path, changes, rule):

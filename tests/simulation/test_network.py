@@ -96,3 +96,12 @@ def test_every_lane_but_the_closing_one_leads_on(tmp_path):
     ((edge, index),) = ends
     assert index == 2
     assert edge.endswith("merging_taper")
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path, name):
+    layout = LAYOUTS[name]()
+    net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 our own file
+    for edge in edges_of(layout):
+        lengths = [float(lane.get("length")) for lane in net.findall(f"edge[@id='{edge.id}']/lane")]
+        assert lengths == pytest.approx([edge.end - edge.start] * len(edge.lanes), abs=0.01), edge.id

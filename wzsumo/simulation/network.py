@@ -20,7 +20,7 @@ from wzsumo.work_zone import OpenLane, WorkZoneLayout
 
 MAX_WIDTH_STEP_M = 0.1  # what a vehicle jumps sideways where it changes lane on such an edge; SUMO moves 0.1 m a step anyway
 MERGE_END_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is as narrow as this: a car just fits
-LINE_MARGIN_M = 0.02  # SUMO lets a vehicle touch its lane's line, and rounds: a whole lane is this much narrower there
+LINE_MARGIN_M = 0.2  # SUMO lets a vehicle touch its lane's line, and a 12 m truck cuts a kink of 1:30 by 0.1 m
 _NETCONVERT_OPTIONS = (
     # The default junction radius of 4 m moves nodes and cuts lanes; normalising moves the whole net (SUMO 1.28).
     "--no-turnarounds", "--offset.disable-normalization", "--precision", "4", "--default.junctions.radius", "0.1",
@@ -86,7 +86,9 @@ def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
     root, speed = ET.Element("edges"), f"{mps_from_mph(layout.work_zone.posted_speed_mph):.3f}"
     for number, edge in enumerate(edges):
         ends = {"id": edge.id, "from": f"n{number}", "to": f"n{number + 1}"}
-        item = ET.SubElement(root, "edge", ends, speed=speed, numLanes=str(len(edge.lanes)), spreadType="center")
+        # Without a length netconvert measures through the nodes: 18 m too much on the two edges beside the work.
+        length = f"{edge.end - edge.start:.4f}"
+        item = ET.SubElement(root, "edge", ends, speed=speed, numLanes=str(len(edge.lanes)), spreadType="center", length=length)
         for index, lane in enumerate(edge.lanes):
             shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _centre_line(layout, lane, edge))
             attributes = {"index": str(index), "width": f"{_width_on(lane, edge):.3f}", "shape": shape}
