@@ -1,7 +1,6 @@
 """From the density of vehicle centres to the area that may be driven on: the paper's squares and the swept region."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -75,12 +74,18 @@ def squares_map(samples: npt.ArrayLike, *, side_m: float, grid: OccupancyGrid) -
 
 
 def swept_map(mixture: Mixture, *, half_width_m: float, spec: MixtureSpec, grid: OccupancyGrid) -> OccupancyGrid:
-    """The region that holds `mass_share` of vehicle centres, widened by half a vehicle: 0 there, unknown elsewhere.
+    """The stretches of lane that vehicle centres keep to, widened by half a vehicle: 0 there, unknown elsewhere.
 
-    A component is taken to be at least `driver_sd_m` wide in every direction: a few traces cannot show how drivers scatter,
-    and one alone gives a component of no width.
+    A component stands for a stretch of lane: uniform along, so that it is 2 sqrt(3) standard deviations long (its ellipse
+    would overshoot a kink of the lane by a fifth of that), and across as wide as the ellipse of `mass_share`, but taken to be
+    at least `driver_sd_m` wide: a few traces cannot show how drivers scatter, and one alone gives a width of nothing.
     """
-    inside = _cells_in_region(_at_least_as_wide(mixture, sd=spec.driver_sd_m), mass_share=spec.mass_share, grid=grid)
+    inside = np.zeros(grid.shape, dtype=bool)
+    across = math.sqrt(-2 * math.log(1 - spec.mass_share))
+    for mean, covariance in zip(mixture.means, mixture.covariances, strict=True):
+        variances, axes = np.linalg.eigh(covariance)  # ascending: across, along
+        half = np.array([across, math.sqrt(3)]) * np.maximum(np.sqrt(np.maximum(variances, 0)), spec.driver_sd_m)
+        _mark_stretch(inside, grid, mean=mean, axes=axes, half=half)
     if not inside.any():
         return grid.with_p_occupied(np.full(grid.shape, UNKNOWN))
     distance = distance_transform_edt(~inside, sampling=grid.resolution)
@@ -89,24 +94,12 @@ def swept_map(mixture: Mixture, *, half_width_m: float, spec: MixtureSpec, grid:
     return grid.with_p_occupied(np.where(swept, 0.0, UNKNOWN))
 
 
-def _at_least_as_wide(mixture: Mixture, *, sd: float) -> Mixture:
-    variances, axes = np.linalg.eigh(mixture.covariances)
-    wide = np.maximum(variances, sd**2)
-    return replace(mixture, covariances=np.einsum("kij,kj,klj->kil", axes, wide, axes))
-
-
-def _cells_in_region(mixture: Mixture, *, mass_share: float, grid: OccupancyGrid) -> BoolArray:
-    """Cells (rows, cols) whose centre lies in the region; each ellipse is looked for in its bounding box alone."""
-    inside = np.zeros(grid.shape, dtype=bool)
-    reach = math.sqrt(-2 * math.log(1 - mass_share))
-    for k in range(mixture.n_components):
-        one = replace(mixture, weights=np.ones(1), means=mixture.means[[k]], covariances=mixture.covariances[[k]])
-        extent = reach * np.sqrt(np.diag(mixture.covariances[k]))
-        (row_0, row_1), (col_0, col_1) = grid.cell_of([mixture.means[k] - extent, mixture.means[k] + extent])
-        rows = np.arange(max(row_0, 0), min(row_1 + 1, grid.shape[0]))
-        cols = np.arange(max(col_0, 0), min(col_1 + 1, grid.shape[1]))
-        if rows.size and cols.size:
-            centres = grid.centre_of(rows[:, None], cols[None, :])
-            found = inside_region(one, centres.reshape(-1, 2), mass_share=mass_share)
-            inside[np.ix_(rows, cols)] |= found.reshape(centres.shape[:2])
-    return inside
+def _mark_stretch(inside: BoolArray, grid: OccupancyGrid, *, mean: FloatArray, axes: FloatArray, half: FloatArray) -> None:
+    """Set the cells whose centre lies in the rectangle of half sides `half` (2,) along the columns of `axes`."""
+    extent = np.abs(axes) @ half
+    (row_0, row_1), (col_0, col_1) = grid.cell_of([mean - extent, mean + extent])
+    rows = np.arange(max(row_0, 0), min(row_1 + 1, grid.shape[0]))
+    cols = np.arange(max(col_0, 0), min(col_1 + 1, grid.shape[1]))
+    if rows.size and cols.size:
+        local = (grid.centre_of(rows[:, None], cols[None, :]) - mean) @ axes
+        inside[np.ix_(rows, cols)] |= (np.abs(local) <= half).all(axis=-1)
