@@ -236,3 +236,13 @@ def test_timings_of_a_kept_field_count_for_the_first_plan_alone():
     assert min(first[key] for key in ("distance_field", "heuristic", "search", "smoothing", "check")) > 0
     for timings in (first, again):
         assert timings["total"] == pytest.approx(sum(value for key, value in timings.items() if key != "total"))
+
+
+def test_path_through_two_open_lanes_does_not_weave_between_them():
+    # Free space 7.25 m wide, the ends nearer to its edge than is preferred: away from it once and back, at most twice 3.7 m.
+    p = np.ones((80, 4000), dtype=np.float32)
+    p[20:49, :] = 0.0
+    grid = OccupancyGrid(p_occupied=p, resolution=0.25, origin=(0.0, 0.0))
+    plan = plan_path(grid, start=(10.0, 10.5, 0.0), goal=(980.0, 10.5, 0.0), vehicle=VehicleGeometry(), spec=PlannerSpec())
+    sideways = np.abs(np.diff(plan.path.poses[:, 1])).sum()
+    assert sideways < 8.0  # a quadratic price of turning gave 37 m

@@ -77,8 +77,8 @@ def test_centre_moves_along_its_heading(traces):
 def test_speed_agrees_with_the_movement_of_the_centre(traces):
     steps = traces.groupby("vehicle_id")[["x_m", "y_m"]].diff(10).dropna()  # over one second
     mean_speed = traces.groupby("vehicle_id")["speed_mps"].rolling(10).mean().droplevel(0)[steps.index]
-    # Lanes of two edges leave up to 0.3 m between them where they bend, which SUMO jumps.
-    assert np.abs(np.hypot(steps["x_m"], steps["y_m"]) - mean_speed).max() < 0.7
+    # SUMO counts 0.1 to 0.3 m for the junction between two edges, which has no length here; three are passed in a second.
+    assert np.abs(np.hypot(steps["x_m"], steps["y_m"]) - mean_speed).max() < 0.9
 
 
 def test_vehicle_enters_with_its_rear_at_the_roads_start(traces):

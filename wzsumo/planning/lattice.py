@@ -47,7 +47,7 @@ def lattice_for(body: Body, *, max_curvature: float, resolution: float, fineness
         sweep_margin=sweep_margin(body, step_m=check),
         xy_bin_m=step / 8,
         heading_bin=max(sharpest * step / 8, math.radians(0.1)),
-        turn_cost=1.0,
+        turn_cost=0.3,
         change_cost_m=0.3,
         # A shift by a lane's width takes two arcs, 2 sqrt(width * radius) together.
         goal_range_m=40 + 4 * math.sqrt(3.6 / sharpest),
