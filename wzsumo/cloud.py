@@ -30,8 +30,8 @@ def check_cloud(points: npt.ArrayLike, *, source: str, at_least: int = 1) -> Flo
         raise CloudError(f"{source}: an array of shape {cloud.shape} is not a cloud; give (n, 3): x, y, z in metres")
     if len(cloud) < at_least:
         raise CloudError(f"{source}: {len(cloud)} point(s); at least {at_least} needed")
-    bad = np.flatnonzero(~np.isfinite(cloud).all(axis=1))
-    if bad.size:
+    if not np.isfinite(cloud).all():
+        bad = np.flatnonzero(~np.isfinite(cloud).all(axis=1))
         raise CloudError(
             f"{source}: point {bad[0]} is {cloud[bad[0]].tolist()}; every coordinate must be finite "
             f"({bad.size} of {len(cloud)} points are not; drop them)"

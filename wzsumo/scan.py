@@ -1,4 +1,4 @@
-"""LidarScan: one turn of a spinning LiDAR, as it comes from the sensor."""
+"""LidarScan: one turn of a spinning LiDAR as it comes from the sensor; MotionReadings: what the car that carries it says."""
 
 from dataclasses import dataclass
 
@@ -37,3 +37,18 @@ class LidarScan:
     def range_m(self) -> FloatArray:
         """Distances (n,) [m] from the sensor."""
         return np.asarray(np.linalg.norm(self.points, axis=1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionReadings:
+    """What the car says about itself. Frame: the car's (x forward, y left, z up), origin at the rear axle on the ground.
+
+    `attitude` is roll and pitch, as in `rigid.rotation_from_rpy`. GNSS positions are of that origin, the lever arm removed.
+    """
+
+    time_s: FloatArray  # (n,)
+    speed_mps: FloatArray  # (n,)
+    gyro_rps: FloatArray  # (n, 3)
+    attitude: FloatArray  # (n, 2) [rad]
+    gnss_time_s: FloatArray  # (m,)
+    gnss: FloatArray  # (m, 3) [m]

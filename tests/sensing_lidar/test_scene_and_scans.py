@@ -100,10 +100,11 @@ def test_faults_that_exceed_all_devices_are_refused():
 def test_guardrail_follows_the_pavement_edge_at_its_offset():
     road = straight_road()
     scene = road_scene(road, cone_line(), SceneSpec(ground=SMOOTH, guardrail="both", pole_spacing_m=0), seed=1)
-    _, d = road.to_sd(scene.boxes[:, :2])
+    beams, posts = scene.boxes[scene.boxes[:, 3] > 0.5], scene.boxes[scene.boxes[:, 3] < 0.5]
     edges = np.array([road.left_edge + 0.6, -road.right_shoulder - 0.6])
-    assert np.abs(d[:, None] - edges).min(axis=1).max() < 1e-6
-    beams = scene.boxes[scene.boxes[:, 3] > 0.5]
+    beyond = [np.abs(road.to_sd(boxes[:, :2])[1] - edges.mean()) - np.ptp(edges) / 2 for boxes in (beams, posts)]
+    np.testing.assert_allclose(beyond[0], 0.0, atol=1e-6)
+    assert (beyond[1] > 0.3).all()  # posts stand behind the beam
     top = beams[:, 2] + beams[:, 5] - scene.ground.height(beams[:, :2])
     np.testing.assert_allclose(top, 0.7874, atol=1e-3)  # 31 in
 

@@ -63,8 +63,8 @@ def ground_mask_on(terrain: Terrain, cloud: FloatArray, spec: SmrfSpec) -> BoolA
 
 def estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> Terrain:
     """Provisional ground surface of a cloud (n, 3): lowest points, cleared of objects and low outliers, holes filled."""
-    low = np.floor(cloud[:, :2].min(axis=0) / spec.cell_m + 0.5)
-    high = np.floor(cloud[:, :2].max(axis=0) / spec.cell_m + 0.5)
+    low = np.floor(np.array([cloud[:, 0].min(), cloud[:, 1].min()]) / spec.cell_m + 0.5)
+    high = np.floor(np.array([cloud[:, 0].max(), cloud[:, 1].max()]) / spec.cell_m + 0.5)
     cols, rows = (int(n) for n in high - low + 1)
     if rows * cols > MAX_CELLS:
         raise CloudError(

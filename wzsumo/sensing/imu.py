@@ -1,6 +1,5 @@
 """The mapping car's own motion sensors: gyroscope and attitude, wheel speed, and its GNSS receiver, RTK or not."""
 
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -9,6 +8,7 @@ from pydantic import Field, model_validator
 
 from wzsumo.frames import FloatArray, wrap_angle
 from wzsumo.rigid import rpy_from_rotation, vector_from_rotation
+from wzsumo.scan import MotionReadings
 from wzsumo.sensing.ground import Ground
 from wzsumo.sensing.lidar import Drive
 from wzsumo.spec import Spec
@@ -44,21 +44,6 @@ class MappingGnssSpec(Spec):
             if end <= start:
                 raise ValueError(f"gap ({start}, {end}) must end after it starts")
         return self
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MotionReadings:
-    """What the car says about itself. Frame: the car's (x forward, y left, z up), origin at the rear axle on the ground.
-
-    `attitude` is roll and pitch, as in `rigid.rotation_from_rpy`. GNSS positions are of that origin, the lever arm removed.
-    """
-
-    time_s: FloatArray  # (n,)
-    speed_mps: FloatArray  # (n,)
-    gyro_rps: FloatArray  # (n, 3)
-    attitude: FloatArray  # (n, 2) [rad]
-    gnss_time_s: FloatArray  # (m,)
-    gnss: FloatArray  # (m, 3) [m]
 
 
 def read_motion(drive: Drive, ground: Ground, imu: ImuSpec, gnss: MappingGnssSpec, *, seed: int) -> MotionReadings:

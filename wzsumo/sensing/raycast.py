@@ -2,14 +2,15 @@
 
 Every azimuth column has its own sensor pose. Solids are sorted into the columns that their bounding sphere can touch at
 any time of the turn; inside a column each is tested against the layers between the sphere's lowest and highest elevation
-only, so a ray meets a handful of solids of hundreds. The ground comes last and only as far as the nearest solid.
+only, so a ray meets a handful of solids of hundreds. The ground comes last and only as far as the nearest solid. One thread
+is enough, and it lets go of Python's lock: the next scan is cast while this one is mapped.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import njit
 
 from wzsumo.frames import FloatArray
 from wzsumo.sensing.ground import Ground
@@ -114,7 +115,7 @@ def _surface(ground: Ground) -> tuple[npt.NDArray[np.float32], FloatArray]:
     return ground.relief, np.array([ground.level, *ground.slope, *ground.origin, ground.node, low, high])
 
 
-@njit(cache=True, parallel=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
 def _cast(  # noqa: PLR0917 - plain arrays are what a kernel takes
     poses: FloatArray, azimuth: FloatArray, elevation: FloatArray,
     frusta: FloatArray, boxes: FloatArray, spheres: FloatArray, start: IntArray, members: IntArray,
@@ -122,7 +123,7 @@ def _cast(  # noqa: PLR0917 - plain arrays are what a kernel takes
     distance: FloatArray, object_id: npt.NDArray[np.int32],
 ) -> None:  # fmt: skip
     """Fill `distance` and `object_id`. `azimuth` holds cos, sin; `elevation` cos, sin, angle."""
-    for j in prange(len(azimuth)):
+    for j in range(len(azimuth)):
         distance[j, :] = max_range
         object_id[j, :] = MISS
         for k in range(start[j], start[j + 1]):

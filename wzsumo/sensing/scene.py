@@ -142,7 +142,10 @@ def _poles(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
 
 
 def _guardrail(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
-    """Boxes: one beam and one post a spacing. W-beam: 312 mm deep, top at 31 in; posts 150 mm (AASHTO RDG, ch. 5)."""
+    """Boxes: one beam and one post a spacing, behind it. W-beam: 312 mm deep, top at 31 in; 8 in blocks; posts 150 mm.
+
+    Source: AASHTO Roadside Design Guide, ch. 5, Midwest Guardrail System.
+    """
     boxes = [np.empty((0, BOX_COLUMNS))]
     offsets = {"right": -road.right_shoulder - spec.guardrail_offset_m, "left": road.left_edge + spec.guardrail_offset_m}
     for side in ("right", "left"):
@@ -159,6 +162,8 @@ def _guardrail(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
         z = ground.height(middles) + rail_top - depth / 2
         boxes.append(np.column_stack([middles, z, length / 2, 0.04 * size, depth / 2 * size, *columns]))
         post_height = rail_top + BURIED_M
-        z = ground.height(ends[1:]) - BURIED_M + post_height / 2
-        boxes.append(np.column_stack([ends[1:], z, 0.075 * size, 0.1 * size, post_height / 2 * size, *columns]))
+        behind = np.copysign(0.04 + 8 * METRES_PER_INCH + 0.1, offsets[side])
+        feet = road.to_xy(s[1:], np.full(len(s) - 1, offsets[side] + behind))
+        z = ground.height(feet) - BURIED_M + post_height / 2
+        boxes.append(np.column_stack([feet, z, 0.075 * size, 0.1 * size, post_height / 2 * size, *columns]))
     return np.vstack(boxes)
