@@ -7,7 +7,7 @@ from wzsumo.errors import InputError, TraceError
 from wzsumo.road import RoadSpec
 from wzsumo.sensing.ground import GroundSpec, flat_ground, ground_of
 from wzsumo.sensing.imu import ImuSpec, MappingGnssSpec, read_motion
-from wzsumo.sensing.lidar import Drive, LidarSpec, cast_scan, drive_of, drive_scans, without_motion
+from wzsumo.sensing.lidar import Drive, LidarSpec, cast_ahead, cast_scan, drive_of, drive_scans, without_motion
 from wzsumo.sensing.scene import DeviceFaults, SceneSpec, road_scene, with_vehicles
 
 SMOOTH = GroundSpec(grade_pct=2.0, cross_slope_pct=2.0, road_roughness_m=0.0, verge_roughness_m=0.0)
@@ -168,6 +168,21 @@ def test_same_seed_gives_same_scans_and_another_seed_others():
     assert len(first) == 10
     assert all((a.points == b.points).all() for a, b in zip(first, again, strict=True))
     assert first[0].points.shape != other[0].points.shape or (first[0].points != other[0].points).any()
+
+
+def test_scans_cast_ahead_are_the_same_in_the_same_order():
+    scene, drive = road_scene(straight_road(), cone_line(), SceneSpec(), seed=1), steady_drive(seconds=1.0)
+    plain, ahead = drive_scans(scene, drive, SMALL, seed=5), cast_ahead(drive_scans(scene, drive, SMALL, seed=5))
+    for one, other in zip(plain, ahead, strict=True):
+        assert one.start_s == other.start_s
+        np.testing.assert_array_equal(one.points, other.points)
+
+
+def test_fault_while_casting_ahead_reaches_the_caller():
+    scene, drive = road_scene(straight_road(), cone_line(), SceneSpec(), seed=1), steady_drive(seconds=1.0)
+    scans = drive_scans(scene, drive, SMALL, seed=1, vehicles_at=lambda _: pd.DataFrame({"x_m": [1.0]}))
+    with pytest.raises(InputError, match="missing"):
+        list(cast_ahead(scans))
 
 
 def test_vehicles_of_the_moment_stand_in_the_scan():

@@ -1,6 +1,8 @@
 """A spinning LiDAR on a driven car: its spec, its pose at every moment of a drive, and the scans it brings home."""
 
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -109,6 +111,15 @@ def drive_scans(
         start_s = float(drive.time_s[0]) + number * turn_s
         moment = scene if vehicles_at is None else with_vehicles(scene, vehicles_at(start_s))
         yield cast_scan(moment, drive, spec, start_s=start_s, seed=seed)
+
+
+def cast_ahead(scans: Iterator[LidarScan], *, depth: int = 2) -> Iterator[LidarScan]:
+    """The same scans in the same order, cast up to `depth` ahead in a thread of its own while the last one is mapped."""
+    with ThreadPoolExecutor(max_workers=1) as caster:
+        waiting = deque(caster.submit(next, scans, None) for _ in range(depth))
+        while (scan := waiting.popleft().result()) is not None:
+            waiting.append(caster.submit(next, scans, None))
+            yield scan
 
 
 def cast_scan(scene: Scene, drive: Drive, spec: LidarSpec, *, start_s: float, seed: int) -> LidarScan:
