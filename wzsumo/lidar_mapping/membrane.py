@@ -116,10 +116,14 @@ def _conjugate_gradients(
     n, pivot, x = len(springs), _factor(springs, degree), guess.copy()
     residual, z, search = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     image = _multiplied(springs, degree, x)
-    residual[:n] = right_side[:n] - image[:n]
+    for i in range(n):
+        residual[i] = right_side[i] - image[i]
     energy = 1.0
     for iteration in range(int(stop[1])):
-        if np.max(np.abs(residual) / degree) < stop[0]:
+        worst = 0.0
+        for i in range(n):
+            worst = max(worst, abs(residual[i]) / degree[i])
+        if worst < stop[0]:
             break
         for i in range(n):
             before, above = springs[i, 1], springs[i, 0]
@@ -132,7 +136,10 @@ def _conjugate_gradients(
         for i in range(n):
             search[i] = z[i] + growth * search[i]
         image = _multiplied(springs, degree, search)
-        step = energy / np.dot(search, image)
+        bend = 0.0
+        for i in range(n):
+            bend += search[i] * image[i]
+        step = energy / bend
         for i in range(n):
             x[i] += step * search[i]
             residual[i] -= step * image[i]

@@ -38,6 +38,7 @@ class SlamMapSpec(Spec):
     miss_log_odds: float = Field(default=-0.4, lt=0)  # ibid., p = 0.4
     log_odds_limits: tuple[float, float] = (-2.0, 3.5)  # ibid., p = 0.12 and 0.97
     carve_height_m: float = Field(default=0.4, gt=0)  # rays carve below it only: higher ones pass over a cone of 28 in
+    carve_every: int = Field(default=3, ge=1)  # returns; neighbouring rings on the road lie closer than a cell up to 15 m
     device_height_m: tuple[float, float] = (0.35, 1.3)  # highest point; MUTCD 6K: 28 in cones to 42 in tubular markers
     device_extent_m: float = Field(default=1.2, gt=0)  # widest footprint: a lying 36 in cone, smeared by the poses' error
     device_scans: int = Field(default=3, ge=1)  # in which it must have been seen; what moves is not long in one cell
@@ -69,7 +70,14 @@ def build_maps(posed_scans: Iterable[PosedScan], spec: SlamMapSpec, *, bounds: t
         seen = np.zeros(blank.shape, np.int8)
         near = np.hypot(posed.cloud[:, 0] - posed.sensor[0], posed.cloud[:, 1] - posed.sensor[1]) < spec.max_range_m
         cloud, standing = np.ascontiguousarray(posed.cloud[near]), posed.standing[near]
-        _carve(cloud, posed.sensor, np.ascontiguousarray(posed.pose), frame, spec.carve_height_m, seen)
+        _carve(
+            np.ascontiguousarray(cloud[:: spec.carve_every]),
+            posed.sensor,
+            np.ascontiguousarray(posed.pose),
+            frame,
+            spec.carve_height_m,
+            seen,
+        )
         _hit(cloud, standing, np.ascontiguousarray(posed.pose), frame, count, scans, height, seen)
         _vote(seen, odds, np.array([spec.miss_log_odds, spec.hit_log_odds, *spec.log_odds_limits]))
     if empty:
