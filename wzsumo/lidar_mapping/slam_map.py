@@ -38,7 +38,6 @@ class SlamMapSpec(Spec):
     miss_log_odds: float = Field(default=-0.4, lt=0)  # ibid., p = 0.4
     log_odds_limits: tuple[float, float] = (-2.0, 3.5)  # ibid., p = 0.12 and 0.97
     carve_height_m: float = Field(default=0.4, gt=0)  # rays carve below it only: higher ones pass over a cone of 28 in
-    carve_every: int = Field(default=3, ge=1)  # returns; neighbouring rings on the road lie closer than a cell up to 15 m
     device_height_m: tuple[float, float] = (0.35, 1.3)  # highest point; MUTCD 6K: 28 in cones to 42 in tubular markers
     device_extent_m: float = Field(default=1.2, gt=0)  # widest footprint: a lying 36 in cone, smeared by the poses' error
     device_scans: int = Field(default=3, ge=1)  # in which it must have been seen; what moves is not long in one cell
@@ -71,7 +70,7 @@ def build_maps(posed_scans: Iterable[PosedScan], spec: SlamMapSpec, *, bounds: t
         near = np.hypot(posed.cloud[:, 0] - posed.sensor[0], posed.cloud[:, 1] - posed.sensor[1]) < spec.max_range_m
         cloud, standing = np.ascontiguousarray(posed.cloud[near]), posed.standing[near]
         _carve(
-            np.ascontiguousarray(cloud[:: spec.carve_every]),
+            cloud,
             posed.sensor,
             np.ascontiguousarray(posed.pose),
             frame,
