@@ -1,0 +1,157 @@
+"""Simple Morphological Filter (SMRF): which points of a cloud are ground.
+
+Source: Pingel, Clarke & McBride 2013, An improved simple morphological filter for the terrain classification of airborne
+LIDAR data, ISPRS J. Photogramm. 77, 21-30. Net cutting, their option for buildings wider than the window, is left out.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from pydantic import Field
+from scipy.ndimage import spline_filter
+
+from wzsumo.cloud import CloudError, check_cloud
+from wzsumo.frames import FloatArray
+from wzsumo.lidar_mapping.membrane import BoolArray, fill_holes
+from wzsumo.lidar_mapping.opening import open_by_disk
+from wzsumo.spec import Spec
+
+LOW_OUTLIER_SLOPE = 5.0  # 500 %, on the inverted surface with a window of one cell; Pingel et al. 2013, Section 2
+MAX_CELLS = 50_000_000  # 2 GiB of surfaces; a cloud with so many cells at 1 m covers 50 km^2 or holds a stray point
+
+
+class SmrfSpec(Spec):
+    """Parameters of SMRF: one untuned set for airborne clouds (within the ranges that Pingel et al. 2013, Table 3, cover)."""
+
+    cell_m: float = Field(default=1.0, gt=0)  # ibid., all samples
+    slope: float = Field(default=0.15, gt=0, le=10)  # rise over run of the steepest ground; ibid., single-parameter set
+    window_m: float = Field(default=18.0, gt=0)  # radius of the widest opening, ibid.
+    elevation_threshold_m: float = Field(default=0.5, ge=0)  # ibid.; Chen et al. 2022 take 0.2 m so that cones are kept
+    elevation_scalar: float = Field(default=1.25, ge=0)  # metres added to the threshold per unit of slope, ibid.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Terrain:
+    """The provisional ground surface: heights and slopes (rows, cols) at nodes, row = y up, col = x, `origin` = node [0, 0]."""
+
+    height: FloatArray
+    slope: FloatArray
+    cell: float
+    origin: tuple[float, float]
+
+
+def ground_mask(points: npt.ArrayLike, spec: SmrfSpec) -> BoolArray:
+    """Whether each point (n, 3) [m] is ground: near the provisional terrain, above or below it.
+
+    Near means |z - terrain| <= elevation_threshold_m + elevation_scalar * slope of the terrain at the point. Raises
+    CloudError for an empty cloud, a value not finite, or an extent beyond MAX_CELLS cells.
+    """
+    cloud = check_cloud(points, source="cloud")
+    return ground_mask_on(estimate_terrain(cloud, spec), cloud, spec)
+
+
+def ground_mask_on(terrain: Terrain, cloud: FloatArray, spec: SmrfSpec) -> BoolArray:
+    """Whether each point (n, 3) lies within the slope-scaled threshold of a terrain."""
+    coefficients = np.stack(
+        [spline_filter(field, order=3, mode="mirror") for field in (terrain.height, terrain.slope)], axis=-1
+    )
+    frame = np.array([*terrain.origin, terrain.cell])
+    return np.asarray(_near(cloud, coefficients, frame, np.array([spec.elevation_threshold_m, spec.elevation_scalar])))
+
+
+def estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> Terrain:
+    """Provisional ground surface of a cloud (n, 3): lowest points, cleared of objects and low outliers, holes filled."""
+    low = np.floor(np.array([cloud[:, 0].min(), cloud[:, 1].min()]) / spec.cell_m + 0.5)
+    high = np.floor(np.array([cloud[:, 0].max(), cloud[:, 1].max()]) / spec.cell_m + 0.5)
+    cols, rows = (int(n) for n in high - low + 1)
+    if rows * cols > MAX_CELLS:
+        raise CloudError(
+            f"cloud: {cols} x {rows} cells of {spec.cell_m} m are more than {MAX_CELLS}; "
+            "take out stray points or set a larger cell_m"
+        )
+    lowest = np.full((rows, cols), np.inf)
+    _keep_lowest(cloud, low, spec.cell_m, lowest)
+    empty = ~np.isfinite(lowest)
+    surface = fill_holes(np.where(empty, np.nan, lowest), empty)
+    inverted_openings = (-surface, LOW_OUTLIER_SLOPE, 1)
+    hole = empty | object_cells(*inverted_openings, cell=spec.cell_m)
+    hole |= object_cells(surface, spec.slope, int(np.ceil(spec.window_m / spec.cell_m - 1e-9)), cell=spec.cell_m)
+    if hole.all():  # a spike with nothing around it that could be ground: keep what was measured
+        hole = empty
+    height = fill_holes(surface, hole)
+    return Terrain(
+        height=height,
+        slope=_slope(height, spec.cell_m),
+        cell=spec.cell_m,
+        origin=(float(low[0] * spec.cell_m), float(low[1] * spec.cell_m)),
+    )
+
+
+def object_cells(surface: FloatArray, slope: float, max_radius: int, *, cell: float) -> BoolArray:
+    """Cells that some opening, its radius growing to `max_radius` cells, lowers by more than slope * radius * cell.
+
+    Each opening works on what the one before left.
+    """
+    objects = np.zeros(surface.shape, dtype=bool)
+    for radius in range(1, max_radius + 1):
+        opened = open_by_disk(surface, radius=radius)
+        objects |= surface - opened > slope * radius * cell
+        surface = opened
+    return objects
+
+
+def compile_kernels() -> None:
+    """Compile, or load from the cache, every kernel of SMRF."""
+    corner = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [3.0, 3.0, 0.0]])
+    ground_mask(corner, SmrfSpec(window_m=1.0))
+
+
+def _slope(height: FloatArray, cell: float) -> FloatArray:
+    """Slope (rows, cols) from central differences, one-sided at the border, 0 along an axis of one node."""
+    steps = [np.gradient(height, cell, axis=axis) if height.shape[axis] > 1 else np.zeros_like(height) for axis in (0, 1)]
+    return np.hypot(*steps)
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _keep_lowest(cloud: FloatArray, first: FloatArray, cell: float, lowest: FloatArray) -> None:
+    for i in range(len(cloud)):
+        col = int(np.floor(cloud[i, 0] / cell + 0.5) - first[0])
+        row = int(np.floor(cloud[i, 1] / cell + 0.5) - first[1])
+        lowest[row, col] = min(lowest[row, col], cloud[i, 2])
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _near(cloud: FloatArray, coefficients: FloatArray, frame: FloatArray, limit: FloatArray) -> BoolArray:
+    """`coefficients` (rows, cols, 2): cubic B-splines of height and slope, mirrored at the borders (scipy.ndimage's way).
+
+    `frame` = x, y of node [0, 0] and the cell; `limit` = threshold [m] and what a slope of 1 adds to it [m].
+    """
+    rows, cols = coefficients.shape[:2]
+    near = np.empty(len(cloud), np.bool_)
+    for i in range(len(cloud)):
+        u, v = (cloud[i, 0] - frame[0]) / frame[2], (cloud[i, 1] - frame[1]) / frame[2]
+        col, row = int(np.floor(u)), int(np.floor(v))
+        z, slope = 0.0, 0.0
+        for b in range(-1, 3):
+            r, row_weight = _mirrored(row + b, rows), _b_spline(v - row - b)
+            for a in range(-1, 3):
+                c, weight = _mirrored(col + a, cols), row_weight * _b_spline(u - col - a)
+                z += weight * coefficients[r, c, 0]
+                slope += weight * coefficients[r, c, 1]
+        near[i] = abs(cloud[i, 2] - z) <= limit[0] + limit[1] * slope
+    return near
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _b_spline(distance: float) -> float:
+    """The cubic B-spline at a distance in [-2, 2] nodes."""
+    t = abs(distance)
+    return (4 - 6 * t**2 + 3 * t**3) / 6 if t < 1 else (2 - t) ** 3 / 6
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _mirrored(index: int, size: int) -> int:
+    inside = abs(index)
+    return max(inside if inside < size else 2 * (size - 1) - inside, 0)

@@ -1,0 +1,106 @@
+"""A point map that answers "which points are near?" in constant time: points kept in the cubes of a hash table."""
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from wzsumo.frames import FloatArray
+
+IntArray = npt.NDArray[np.int64]
+ROOM = 20  # points a cube holds at most; a surface at a spacing of 0.3 cubes leaves 11 in it
+FIRST_CUBES = 4096
+EMPTY = -1
+REACH = 1 << 20  # cubes to either side of the origin along each axis
+
+
+class VoxelMap:
+    """Points of the world, no two of a cube nearer than `spacing`, in cubes of edge `cube` [m]; grows as points come."""
+
+    def __init__(self, *, cube: float, spacing: float) -> None:
+        self.cube = cube
+        self.spacing = spacing
+        self.cubes = 0
+        self.keys: IntArray = np.full(4 * FIRST_CUBES, EMPTY, dtype=np.int64)
+        self.slots: IntArray = np.zeros(4 * FIRST_CUBES, dtype=np.int64)
+        self.counts: IntArray = np.zeros(FIRST_CUBES, dtype=np.int64)
+        self.stored: FloatArray = np.zeros((FIRST_CUBES, ROOM, 3))
+
+    def insert(self, points: FloatArray) -> None:
+        """Add points (n, 3); those too near to a kept one, and those of full cubes, are left out."""
+        done = 0
+        while done < len(points):
+            self.cubes, done = _insert(
+                np.ascontiguousarray(points), done, self.keys, self.slots, self.counts, self.stored, self.cubes,
+                np.array([self.cube, self.spacing]),
+            )  # fmt: skip
+            if done < len(points):
+                self._grow()
+
+    @property
+    def points(self) -> FloatArray:
+        """All kept points (n, 3)."""
+        kept = np.arange(ROOM) < self.counts[: self.cubes, None]
+        return np.asarray(self.stored[: self.cubes][kept])
+
+    def __len__(self) -> int:
+        return int(self.counts[: self.cubes].sum())
+
+    def _grow(self) -> None:
+        self.counts = np.concatenate([self.counts, np.zeros_like(self.counts)])
+        self.stored = np.concatenate([self.stored, np.zeros_like(self.stored)])
+        used = self.keys != EMPTY
+        keys, slots = self.keys[used], self.slots[used]
+        self.keys = np.full(2 * len(self.keys), EMPTY, dtype=np.int64)
+        self.slots = np.zeros(len(self.keys), dtype=np.int64)
+        _rehash(keys, slots, self.keys, self.slots)
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def key_of(x: int, y: int, z: int) -> int:
+    """One number for the cube at integer coordinates within REACH."""
+    return ((x + REACH) << 42) | ((y + REACH) << 21) | (z + REACH)
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def find(key: int, keys: IntArray) -> int:
+    """Place of a key in the table, or of the empty entry where it belongs (linear probing)."""
+    mask = len(keys) - 1
+    mixed = key * 0x9E3779B97F4A7C15  # Fibonacci hashing, Knuth vol. 3, 6.4
+    place = (mixed ^ (mixed >> 32)) & mask
+    while keys[place] not in (EMPTY, key):
+        place = (place + 1) & mask
+    return place
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _insert(  # noqa: PLR0917
+    points: FloatArray, first: int, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, cubes: int,
+    size: FloatArray,
+) -> tuple[int, int]:  # fmt: skip
+    """(cubes in use, first point that found no room for a new cube)."""
+    too_near = size[1] ** 2
+    for i in range(first, len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        key = key_of(int(np.floor(x / size[0])), int(np.floor(y / size[0])), int(np.floor(z / size[0])))
+        place = find(key, keys)
+        if keys[place] == EMPTY:
+            if cubes == len(counts):
+                return cubes, i
+            keys[place], slots[place] = key, cubes
+            cubes += 1
+        slot = slots[place]
+        free = counts[slot] < ROOM
+        for k in range(counts[slot]):
+            apart = (stored[slot, k, 0] - x) ** 2 + (stored[slot, k, 1] - y) ** 2 + (stored[slot, k, 2] - z) ** 2
+            free = free and apart >= too_near
+        if free:
+            stored[slot, counts[slot], 0], stored[slot, counts[slot], 1], stored[slot, counts[slot], 2] = x, y, z
+            counts[slot] += 1
+    return cubes, len(points)
+
+
+@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _rehash(old_keys: IntArray, old_slots: IntArray, keys: IntArray, slots: IntArray) -> None:
+    for i in range(len(old_keys)):
+        place = find(old_keys[i], keys)
+        keys[place], slots[place] = old_keys[i], old_slots[i]

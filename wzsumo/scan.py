@@ -1,0 +1,54 @@
+"""LidarScan: one turn of a spinning LiDAR as it comes from the sensor; MotionReadings: what the car that carries it says."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from wzsumo.cloud import CloudError
+from wzsumo.frames import FloatArray
+
+NO_RETURN, GROUND = -1, 0  # object ids; 1.. are the objects of the scene
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LidarScan:
+    """Returns of one turn. Each point is in the frame that the SENSOR had when it fired (x forward, y left, z up) [m].
+
+    Returns are in the order of firing; `ring` counts layers from the lowest, `column` azimuth steps from the start of the
+    turn. `object_id` is the truth that a real sensor has not: GROUND or a number of the scene's own.
+    """
+
+    start_s: float  # time of the first column
+    period_s: float  # time of a whole turn
+    points: FloatArray  # (n, 3)
+    ring: npt.NDArray[np.int32]
+    column: npt.NDArray[np.int32]
+    time_s: FloatArray  # (n,) from start_s
+    object_id: npt.NDArray[np.int32]
+
+    def __post_init__(self) -> None:
+        n = len(self.points)
+        lengths = {name: len(getattr(self, name)) for name in ("ring", "column", "time_s", "object_id")}
+        if any(length != n for length in lengths.values()):
+            raise CloudError(f"scan at {self.start_s} s: {n} points but {lengths}; every return needs all of them")
+
+    @property
+    def range_m(self) -> FloatArray:
+        """Distances (n,) [m] from the sensor."""
+        return np.asarray(np.linalg.norm(self.points, axis=1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MotionReadings:
+    """What the car says about itself. Frame: the car's (x forward, y left, z up), origin at the rear axle on the ground.
+
+    `attitude` is roll and pitch, as in `rigid.rotation_from_rpy`. GNSS positions are of that origin, the lever arm removed.
+    """
+
+    time_s: FloatArray  # (n,)
+    speed_mps: FloatArray  # (n,)
+    gyro_rps: FloatArray  # (n, 3)
+    attitude: FloatArray  # (n, 2) [rad]
+    gnss_time_s: FloatArray  # (m,)
+    gnss: FloatArray  # (m, 3) [m]
