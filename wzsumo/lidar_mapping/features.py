@@ -107,7 +107,7 @@ def compile_kernels() -> None:
     take_out_motion(scan, np.tile(np.eye(4), (20, 1, 1)))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _move(points: FloatArray, column: npt.NDArray[np.int32], motion: FloatArray, moved: FloatArray) -> None:
     for i in range(len(points)):
         m = motion[column[i]]
@@ -115,8 +115,8 @@ def _move(points: FloatArray, column: npt.NDArray[np.int32], motion: FloatArray,
             moved[i, a] = m[a, 0] * points[i, 0] + m[a, 1] * points[i, 1] + m[a, 2] * points[i, 2] + m[a, 3]
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _classify(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _classify(
     points: FloatArray, image: npt.NDArray[np.int64], standing: BoolArray, numbers: npt.NDArray[np.int64],
     limits: FloatArray, kind: npt.NDArray[np.int64], place: FloatArray,
 ) -> None:  # fmt: skip
@@ -143,7 +143,7 @@ def _classify(  # noqa: PLR0917
             _mark_planars(line[first:last], curvature[first:last], numbers[2], limits[1], kind)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _curvature(
     points: FloatArray, line: npt.NDArray[np.int64], at: npt.NDArray[np.int64], reach: FloatArray, nearest: float
 ) -> FloatArray:
@@ -172,8 +172,8 @@ def _curvature(
     return curvature
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _mark_posts(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _mark_posts(
     points: FloatArray, line: npt.NDArray[np.int64], at: npt.NDArray[np.int64], reach: FloatArray, standing: BoolArray,
     limits: FloatArray, kind: npt.NDArray[np.int64], place: FloatArray,
 ) -> None:  # fmt: skip
@@ -204,8 +204,8 @@ def _mark_posts(  # noqa: PLR0917
         first = k
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _mark_edges(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _mark_edges(
     line: npt.NDArray[np.int64], curvature: FloatArray, standing: BoolArray, count: int, limit: float,
     kind: npt.NDArray[np.int64],
 ) -> None:  # fmt: skip
@@ -221,7 +221,7 @@ def _mark_edges(  # noqa: PLR0917
         kind[line[sharpest]] = EDGE
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _mark_planars(
     line: npt.NDArray[np.int64], curvature: FloatArray, count: int, limit: float, kind: npt.NDArray[np.int64]
 ) -> None:

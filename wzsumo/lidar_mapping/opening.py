@@ -18,7 +18,7 @@ def open_by_disk(surface: FloatArray, *, radius: int) -> FloatArray:
     return np.asarray(-_erode(-eroded, chords))  # dilation is the erosion of the negative
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _erode(surface: FloatArray, chords: npt.NDArray[np.int64]) -> FloatArray:
     """Minimum over the disk whose row at distance dy reaches chords[dy] cells to either side.
 
@@ -45,13 +45,13 @@ def _erode(surface: FloatArray, chords: npt.NDArray[np.int64]) -> FloatArray:
     return eroded
 
 
-@njit(cache=True, error_model="numpy", inline="always")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy", inline="always")
 def _take_minimum(target: FloatArray, other: FloatArray) -> None:
     for col in range(target.size):
         target[col] = other[col] if other[col] < target[col] else target[col]
 
 
-@njit(cache=True, error_model="numpy", inline="always")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy", inline="always")
 def _grow_row(running: FloatArray, grown: FloatArray, w: int) -> None:
     cols = running.size
     # At the borders one of the two halves is cut off; what is left of the other holds what is left of the window.

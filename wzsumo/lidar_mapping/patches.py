@@ -78,8 +78,8 @@ def _levelled(features: FloatArray, centre: FloatArray, normals: FloatArray) -> 
     return features - gap[:, None] * common, np.broadcast_to(common, normals.shape)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _fit(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _fit(
     features: FloatArray, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, size: FloatArray,
     centre: FloatArray, axis: FloatArray, dimension: IntArray, cube: IntArray,
 ) -> None:  # fmt: skip
@@ -110,8 +110,8 @@ def _fit(  # noqa: PLR0917
         cube[i] = nearest_slot
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _nearest(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _nearest(
     feature: FloatArray, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, size: FloatArray,
     near: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
@@ -151,7 +151,7 @@ def _nearest(  # noqa: PLR0917
     return found, home
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _principal_axes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Mean (3,), variances (3,) ascending and their unit directions as columns (3, 3) of points (n, 3)."""
     n = len(points)
@@ -168,7 +168,7 @@ def _principal_axes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatAr
     return mean, values, vectors
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues (3,) ascending and eigenvectors as columns of a symmetric (3, 3) by cyclic Jacobi rotations."""
     m, v = matrix.copy(), np.eye(3)

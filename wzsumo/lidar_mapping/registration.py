@@ -189,8 +189,8 @@ def _normal_equations(fitted: list[tuple[Matcher, Patches]], pose: FloatArray) -
     return information, gradient, largest
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _accumulate(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _accumulate(
     features: FloatArray, rotation: FloatArray, projector: FloatArray, offset: FloatArray, weight: FloatArray,
     information: FloatArray, gradient: FloatArray,
 ) -> None:  # fmt: skip

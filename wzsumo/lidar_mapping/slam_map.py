@@ -152,8 +152,8 @@ def compile_kernels() -> None:
     build_maps([posed], SlamMapSpec(), bounds=(0.0, 0.0, 2.0, 2.0))
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _carve(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _carve(
     cloud: FloatArray, sensor: FloatArray, pose: FloatArray, frame: FloatArray, height: float, seen: npt.NDArray[np.int8]
 ) -> None:
     """Mark the cells under each ray, from where it is lower than `height` above the car's ground to before its return.
@@ -179,8 +179,8 @@ def _carve(  # noqa: PLR0917
                 seen[row, col] = SEEN_FREE
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _hit(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _hit(
     cloud: FloatArray, standing: npt.NDArray[np.bool_], pose: FloatArray, frame: FloatArray,
     count: CountArray, scans: CountArray, height: FloatArray, seen: npt.NDArray[np.int8],
 ) -> None:  # fmt: skip
@@ -202,7 +202,7 @@ def _hit(  # noqa: PLR0917
             seen[row, col] = SEEN_HIT if wanted else SEEN_FREE
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _vote(seen: npt.NDArray[np.int8], odds: FloatArray, update: FloatArray) -> None:
     """Add a scan's votes to the log-odds (nan: never seen); `update` = miss, hit, least, most."""
     rows, cols = seen.shape

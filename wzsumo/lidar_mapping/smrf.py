@@ -114,7 +114,7 @@ def _slope(height: FloatArray, cell: float) -> FloatArray:
     return np.hypot(*steps)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _keep_lowest(cloud: FloatArray, first: FloatArray, cell: float, lowest: FloatArray) -> None:
     for i in range(len(cloud)):
         col = int(np.floor(cloud[i, 0] / cell + 0.5) - first[0])
@@ -122,7 +122,7 @@ def _keep_lowest(cloud: FloatArray, first: FloatArray, cell: float, lowest: Floa
         lowest[row, col] = min(lowest[row, col], cloud[i, 2])
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _near(cloud: FloatArray, coefficients: FloatArray, frame: FloatArray, limit: FloatArray) -> BoolArray:
     """`coefficients` (rows, cols, 2): cubic B-splines of height and slope, mirrored at the borders (scipy.ndimage's way).
 
@@ -144,14 +144,14 @@ def _near(cloud: FloatArray, coefficients: FloatArray, frame: FloatArray, limit:
     return near
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _b_spline(distance: float) -> float:
     """The cubic B-spline at a distance in [-2, 2] nodes."""
     t = abs(distance)
     return (4 - 6 * t**2 + 3 * t**3) / 6 if t < 1 else (2 - t) ** 3 / 6
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _mirrored(index: int, size: int) -> int:
     inside = abs(index)
     return max(inside if inside < size else 2 * (size - 1) - inside, 0)

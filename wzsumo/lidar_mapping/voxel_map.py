@@ -55,13 +55,13 @@ class VoxelMap:
         _rehash(keys, slots, self.keys, self.slots)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def key_of(x: int, y: int, z: int) -> int:
     """One number for the cube at integer coordinates within REACH."""
     return ((x + REACH) << 42) | ((y + REACH) << 21) | (z + REACH)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def find(key: int, keys: IntArray) -> int:
     """Place of a key in the table, or of the empty entry where it belongs (linear probing)."""
     mask = len(keys) - 1
@@ -72,8 +72,8 @@ def find(key: int, keys: IntArray) -> int:
     return place
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _insert(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _insert(
     points: FloatArray, first: int, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, cubes: int,
     size: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
@@ -99,7 +99,7 @@ def _insert(  # noqa: PLR0917
     return cubes, len(points)
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _rehash(old_keys: IntArray, old_slots: IntArray, keys: IntArray, slots: IntArray) -> None:
     for i in range(len(old_keys)):
         place = find(old_keys[i], keys)

@@ -115,8 +115,8 @@ def _surface(ground: Ground) -> tuple[npt.NDArray[np.float32], FloatArray]:
     return ground.relief, np.array([ground.level, *ground.slope, *ground.origin, ground.node, low, high])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)  # type: ignore[untyped-decorator]
-def _cast(  # noqa: PLR0917 - plain arrays are what a kernel takes
+@njit(cache=True, error_model="numpy", nogil=True)
+def _cast(
     poses: FloatArray, azimuth: FloatArray, elevation: FloatArray,
     frusta: FloatArray, boxes: FloatArray, spheres: FloatArray, start: IntArray, members: IntArray,
     relief: npt.NDArray[np.float32], surface: FloatArray, max_range: float,
@@ -134,8 +134,8 @@ def _cast(  # noqa: PLR0917 - plain arrays are what a kernel takes
                 distance[j, layer] = np.inf
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _meet_solid(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _meet_solid(
     pose: FloatArray, azimuth: FloatArray, elevation: FloatArray,
     frusta: FloatArray, boxes: FloatArray, spheres: FloatArray, solid: int,
     distance: FloatArray, object_id: npt.NDArray[np.int32],
@@ -165,7 +165,7 @@ def _meet_solid(  # noqa: PLR0917
             object_id[layer] = solid + 1
 
 
-@njit(cache=True, error_model="numpy", inline="always")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy", inline="always")
 def _direction(pose: FloatArray, azimuth: FloatArray, elevation: FloatArray) -> tuple[float, float, float]:
     x, y, z = elevation[0] * azimuth[0], elevation[0] * azimuth[1], elevation[1]
     return (
@@ -175,7 +175,7 @@ def _direction(pose: FloatArray, azimuth: FloatArray, elevation: FloatArray) -> 
     )
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _frustum_distance(pose: FloatArray, dx: float, dy: float, dz: float, frustum: FloatArray) -> float:
     """Distance to the mantle or an end disk, inf for a miss.
 
@@ -207,7 +207,7 @@ def _frustum_distance(pose: FloatArray, dx: float, dy: float, dz: float, frustum
     return nearest
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _box_distance(pose: FloatArray, dx: float, dy: float, dz: float, box: FloatArray) -> float:
     """Distance to an upright box (slabs), inf for a miss or a sensor inside it."""
     ox, oy, oz = pose[0, 3] - box[0], pose[1, 3] - box[1], pose[2, 3] - box[2]
@@ -229,8 +229,8 @@ def _box_distance(pose: FloatArray, dx: float, dy: float, dz: float, box: FloatA
     return entry if 0.0 < entry <= leave else np.inf
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def _meet_ground(  # noqa: PLR0917
+@njit(cache=True, error_model="numpy")
+def _meet_ground(
     pose: FloatArray, azimuth: FloatArray, elevation: FloatArray,
     relief: npt.NDArray[np.float32], surface: FloatArray, distance: FloatArray, object_id: npt.NDArray[np.int32],
 ) -> None:  # fmt: skip
@@ -270,7 +270,7 @@ def _meet_ground(  # noqa: PLR0917
             object_id[layer] = 0
 
 
-@njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, error_model="numpy")
 def _relief_at(relief: npt.NDArray[np.float32], surface: FloatArray, x: float, y: float) -> float:
     rows, cols = relief.shape
     u = min(max((x - surface[3]) / surface[5], 0.0), cols - 1.0)
