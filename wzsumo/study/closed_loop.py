@@ -22,6 +22,7 @@ from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
 CONTROL_STEP_S = 0.05  # 20 commands a second
+FORESIGHT_S = 4.0  # how far other vehicles are carried on; a lane change at 10 m/s takes about that
 INSERTION_WAIT_S = 120.0  # how long SUMO may look for a gap that a driver would enter
 
 
@@ -56,7 +57,9 @@ def drive_path(
         dt, rows = files.step_length / substeps, []
         while True:
             traffic = session.traffic()
-            leader = _leader(state, traffic, path, controller.station_m, drive.vehicle)
+            ahead = _leader(state, traffic, path, controller.station_m, drive.vehicle)
+            beside = _passing(state, traffic, path, controller.station_m, drive.vehicle)
+            leader = min((it for it in (ahead, beside) if it), key=lambda it: it.gap_m, default=None)
             for substep in range(substeps):
                 command = controller.command(state, dt=dt, leader=leader)
                 rows.append(_log_row(session.time + substep * dt, state, command, controller))
@@ -149,6 +152,35 @@ def _leader(state: EgoState, traffic: Traffic, path: ReferencePath, station: flo
         return None
     first = int(np.argmin(np.where(in_way, gap, np.inf)))
     return Leader(gap_m=float(max(gap[first], 0.0)), speed_mps=float(traffic.speeds[first]))
+
+
+def _passing(state: EgoState, traffic: Traffic, path: ReferencePath, station: float, vehicle: VehicleGeometry) -> Leader | None:
+    """The place where the ego's way meets that of a vehicle beside or behind it, as a leader that stands there.
+
+    Both are carried on for FORESIGHT_S at the speeds that they have. Slowing down holds the ego's drift towards the other
+    lane back until the other has passed. Vehicles that follow in the ego's own way keep their distance themselves.
+    """
+    if not traffic.ids:
+        return None
+    centre = advance(state.pose, vehicle.axle_to_centre_m)
+    offset = traffic.poses[:, :2] - centre[:2]
+    along = offset @ np.array([np.cos(state.heading), np.sin(state.heading)])
+    across = offset @ np.array([-np.sin(state.heading), np.cos(state.heading)])
+    near = (along > -60) & (along < 10) & (np.abs(across) > (traffic.widths + vehicle.width_m) / 2)
+    if not near.any():
+        return None
+    times = np.arange(0.25, FORESIGHT_S + 0.01, 0.25)
+    s = path.arc_length
+    index = np.clip(np.searchsorted(s, station + state.speed * times), 0, len(s) - 1)
+    ego = advance(path.poses[index], vehicle.axle_to_centre_m)
+    others = advance(np.repeat(traffic.poses[near][:, None], len(times), axis=1), traffic.speeds[near][:, None] * times)
+    # The ego is taken this much wider and longer, for what speeds and places are not known to.
+    size = np.array([vehicle.length_m + 2.0, vehicle.width_m + 0.6])
+    sizes = np.column_stack([traffic.lengths, traffic.widths])[near][:, None]
+    hit = boxes_overlap(ego[None], size, others, sizes).any(axis=0)
+    if not hit.any():
+        return None
+    return Leader(gap_m=float(state.speed * times[int(np.argmax(hit))]), speed_mps=0.0)
 
 
 def _ending(controller: Controller, time: float, drive: Drive) -> tuple[Outcome, str] | None:
