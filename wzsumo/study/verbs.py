@@ -141,11 +141,12 @@ def report_again(folder: Path) -> Figures:
 def warm_up() -> Figures:
     """Compile every numba kernel once, so that no first run waits."""
     from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
-    from wzsumo.planning.plan import compile_kernels
-    from wzsumo.sensing import gnss
+    from wzsumo.lidar_mapping import slam_map
+    from wzsumo.planning import plan
+    from wzsumo.sensing import gnss, raycast
 
-    compile_kernels()
-    gnss.compile_kernels()
+    for stage in (plan, gnss, raycast, slam_map):
+        stage.compile_kernels()
     s = np.arange(0.0, 300.0, 5.0)
     traces = pd.concat(
         pd.DataFrame({"vehicle_id": f"v{n}", "time_s": s / 20, "x_m": s, "y_m": 0.2 * n + 0.01 * np.sin(s)}) for n in range(4)
