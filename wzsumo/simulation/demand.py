@@ -18,15 +18,17 @@ from wzsumo.spec import Spec
 class DemandSpec(Spec):
     """Who arrives at the road's start."""
 
-    flow_vph: float = Field(1500.0, gt=0)  # all lanes together; below the capacity of two open lanes (HCM 7: 2,060 pc/h/ln)
+    flow_vph: float = Field(
+        1500.0, gt=0
+    )  # all lanes together; well below what two open lanes discharge (HCM 7: about 1,800 pc/h each)
     truck_share: float = Field(0.10, ge=0, lt=1)  # of the order of the HCM's default for freeways
     lane_use: tuple[float, ...] = ()  # share of vehicles by lane at the road's start from the right; empty: even
     duration_s: float = Field(1200.0, gt=0)
     speed_factor_sd: float = Field(0.1, ge=0, le=0.5)  # SUMO's default for passenger cars
     lateral_sd_m: float = Field(0.2, ge=0, le=1)  # of the place in the lane that a driver aims at
     lateral_wander: float = Field(0.08, ge=0)  # SUMO lcSigma, of one driver
-    # Drivers begin to look for a gap uniformly this far ahead of the closing lane's end. Nearer than about 90 m nobody can
-    # stop there from 27 m/s at 4.5 m/s2 any more, and SUMO's vehicles brake at 9 m/s2 (measured with 50 m: 3 in 600 s).
+    # Drivers begin to look for a gap uniformly this far ahead of the closing lane's end. From 27 m/s at 4.5 m/s2 nobody can
+    # stop there from less than about 80 m. At 100 m some late mergers still brake at 9 m/s2 (SUMO's warnings on stderr).
     merge_ahead_m: tuple[float, float] = (100.0, 500.0)
 
     @model_validator(mode="after")

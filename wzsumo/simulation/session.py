@@ -105,10 +105,6 @@ class Session:
         # Without it SUMO infers a speed from the move, with spikes of 1 m/s.
         api.setSpeed(EGO_ID, state.speed)
 
-    def remove_ego(self) -> None:
-        """Take the ego off the road."""
-        self._sumo.vehicle.remove(EGO_ID)
-
 
 @contextmanager
 def running(config: Path, *, options: tuple[str, ...] = ()) -> Iterator[Session]:
