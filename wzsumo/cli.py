@@ -54,6 +54,8 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
     match args.command:
         case "layout":
             return verbs.lay_out_scenario(args.scenario, args.out)
+        case "capacity":
+            return verbs.capacity_of_scenario(args.scenario)
         case "net":
             return verbs.write_net(args.scenario, args.out)
         case "run":
@@ -90,6 +92,8 @@ def _parser() -> argparse.ArgumentParser:
         if name == "run":
             sub.add_argument("--seed", type=_seed, help="instead of the scenario's own")
             sub.add_argument("--method", nargs="+", metavar="NAME", help="paper_literal, paper, swept, lanes (default: all)")
+    sub = command("capacity", "what the zone can carry by the Highway Capacity Manual, 7th edition")
+    sub.add_argument("scenario", type=Path, metavar="SCENARIO.toml")
     sub = command("map", "make a ROS map (map.pgm, map.yaml) from anybody's traces", _TRACES)
     sub.add_argument("traces", type=Path, metavar="TRACES.(parquet|csv)")
     sub.add_argument("--out", type=Path, required=True, metavar="DIR")
@@ -138,7 +142,7 @@ def _number(text: str) -> float:
 def _tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
     if args.command != "run":
         for key, value in figures.items():
-            print(f"{key}: {value}")
+            print(f"{key}: {round(value, 3) if isinstance(value, float) else value}")
         return
     print(f"{'method':<14} {'outcome':<20} {'precision':>9} {'recall':>7} {'IoU':>6} {'devices m':>10} {'edge m':>7}")
     for name, row in figures["methods"].items():

@@ -62,6 +62,22 @@ def test_scenario_that_cannot_be_is_refused_in_one_line_with_its_rule(tmp_path, 
     assert not (tmp_path / "out").exists()
 
 
+def test_capacity_command_prints_what_the_manual_gives_for_the_papers_zone(capsys):
+    code, out, _ = run(capsys, "capacity", PAPER, "--json")
+    figures = json.loads(out)
+    assert code == 0
+    assert figures["queue_discharge_pcphpl"] == 1783.5  # 2093 - 154 x 0.75 - 194, HCM 7, Eq. 10-8
+    assert figures["queue_discharge_all_lanes_vph"] == pytest.approx(2 * 1783.5 / 1.1)
+    assert figures["demand_flow_vph"] == 1500
+
+
+def test_capacity_of_a_street_is_refused_in_one_line_with_the_models_range(tmp_path, capsys):
+    spec = paper_with(tmp_path, posted_speed_mph="posted_speed_mph = 35")
+    code, out, err = run(capsys, "capacity", spec)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert all(part in err for part in (str(spec), "free-flow speed of 40 mph", "55 to 75 mph", "site.normal_speed_limit_mph"))
+
+
 def test_layout_command_writes_the_zone_that_the_paper_names(tmp_path, capsys):
     code, out, _ = run(capsys, "layout", PAPER, "--out", tmp_path / "out", "--json")
     assert code == 0

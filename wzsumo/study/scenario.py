@@ -5,6 +5,7 @@ from typing import Any
 
 from pydantic import Field
 
+from wzsumo.capacity import SiteSpec, ZoneCapacity, zone_capacity
 from wzsumo.control.controller import ControlSpec
 from wzsumo.control.plant import PlantSpec
 from wzsumo.crowd_mapping.drivable_area import MixtureSpec
@@ -52,6 +53,7 @@ class Scenario(Spec):
     seed: int = Field(ge=0)
     road: RoadSpec
     work_zone: WorkZone
+    site: SiteSpec = SiteSpec()
     simulation: SimulationSpec = SimulationSpec()
     crowd: CrowdSpec = CrowdSpec()
     gnss: GnssSpec = GnssSpec(error_m=0.0, sampling_interval_s=0.1)
@@ -66,6 +68,16 @@ class Scenario(Spec):
     def layout(self) -> WorkZoneLayout:
         """The layout of the zone on its road."""
         return lay_out(self.work_zone, self.road.build())
+
+    def capacity(self) -> ZoneCapacity:
+        """What the HCM makes of the zone. Raises SpecError where its model does not hold."""
+        return zone_capacity(
+            total_lanes=self.road.lane_count,
+            open_lanes=self.road.lane_count - len(set(self.work_zone.closed_lanes)),
+            posted_speed_mph=self.work_zone.posted_speed_mph,
+            truck_share=self.simulation.demand.truck_share,
+            site=self.site,
+        )
 
     def start_and_goal(self, layout: WorkZoneLayout) -> tuple[Pose, Pose]:
         """Rear-axle poses (x, y, heading) of start and goal. Raises SpecError where they are not on the road."""

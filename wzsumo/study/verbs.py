@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,16 @@ def lay_out_scenario(scenario: Path, out: Path) -> Figures:
         "closed_area_m2": layout.closed_area.area,
         "pavement_m2": layout.pavement.area,
     }
+
+
+def capacity_of_scenario(scenario: Path) -> Figures:
+    """Capacity, queue discharge and free-flow speed of a scenario's zone by the HCM, and the flow that arrives at it."""
+    spec = load_scenario(scenario)
+    try:
+        capacity = spec.capacity()
+    except SpecError as error:
+        raise SpecError(f"{scenario}: {error}") from None
+    return asdict(capacity) | {"demand_flow_vph": spec.simulation.demand.flow_vph}
 
 
 def write_net(scenario: Path, out: Path) -> Figures:
