@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import label
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.grid import OccupancyGrid, cells_inside
+from wzsumo.grid import BoolArray, OccupancyGrid, cells_inside
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,13 +22,18 @@ class MapQuality:
 def map_quality(grid: OccupancyGrid, *, truth: BaseGeometry, within: BaseGeometry) -> MapQuality:
     """Quality of the free cells of `grid` against the polygon `truth`, counted over cells whose centre lies in `within`."""
     counted = cells_inside(grid, within)
-    free, drivable = grid.free & counted, cells_inside(grid, truth) & counted
-    hit = int((free & drivable).sum())
-    n_free, n_drivable = int(free.sum()), int(drivable.sum())
+    return quality_of_cells(grid.free, drivable=cells_inside(grid, truth) & counted, counted=counted)
+
+
+def quality_of_cells(free: BoolArray, *, drivable: BoolArray, counted: BoolArray) -> MapQuality:
+    """Quality of free cells (rows, cols) against the `drivable` ones; all lie among the `counted`."""
+    said = free & counted
+    hit = int((said & drivable).sum())
+    n_free, n_drivable = int(said.sum()), int(drivable.sum())
     union = n_free + n_drivable - hit
     return MapQuality(
         precision=hit / n_free if n_free else float("nan"),
         recall=hit / n_drivable if n_drivable else float("nan"),
         iou=hit / union if union else float("nan"),
-        n_fragments=int(label(free, structure=np.ones((3, 3)))[1]),
+        n_fragments=int(label(said, structure=np.ones((3, 3)))[1]),
     )

@@ -1,0 +1,43 @@
+"""What a case came to: the map against the truth, the planned and the driven path against devices, edges and closed area."""
+
+from dataclasses import asdict
+from typing import Any
+
+from wzsumo.ego import EgoRun, Outcome
+from wzsumo.grid import OccupancyGrid
+from wzsumo.metrics.clearance import clearance_along
+from wzsumo.metrics.map_quality import quality_of_cells
+from wzsumo.planning.plan import Plan
+from wzsumo.study.mapping_methods import Crowd
+from wzsumo.study.scenario import Scenario
+from wzsumo.study.site import Site
+
+
+def assess(
+    grid: OccupancyGrid, plan: Plan, run: EgoRun | None, *, crowd: Crowd, scenario: Scenario, site: Site
+) -> dict[str, Any]:
+    """Figures of one method, as result.json has them; `run` is None where nothing was driven."""
+    quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
+    planned, driven = (
+        None if poses is None else asdict(clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout))
+        for poses in (plan.path.poses if plan.path else None, run.poses if run is not None and len(run.log) > 1 else None)
+    )
+    first = driven or planned or {}
+    return {
+        "outcome": str(run.outcome if run else Outcome.NO_PATH),
+        "reason": run.reason if run else f"{plan.status}: {plan.reason}",
+        "n_traces": int(crowd.traces["vehicle_id"].nunique()),
+        "n_components": crowd.mixture.n_components,
+        **asdict(quality),
+        "min_clearance_devices_m": first.get("min_clearance_devices_m"),
+        "min_clearance_road_edge_m": first.get("min_clearance_road_edge_m"),
+        "closed_area_share": first.get("closed_area_share"),
+        "planned": planned,
+        "driven": driven,
+        "plan_status": str(plan.status),
+        "plan_risk_m": plan.risk_m,
+        "n_expansions": plan.n_expansions,
+        "drive_time_s": float(run.log["time_s"].iloc[-1] - run.log["time_s"].iloc[0]) if driven and run else None,
+        "max_cross_track_m": float(run.log["cross_track_m"].abs().max()) if driven and run else None,
+        "plan_ms": plan.timings_ms["total"],
+    }
