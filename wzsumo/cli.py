@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -28,6 +28,18 @@ frame), and may have heading_rad, speed_mps, length_m, width_m. Free cells have 
 is unknown, not free.
 """
 _POSES = "Poses are of the centre of the REAR AXLE: X Y in metres of the map's frame, DEG counter-clockwise from +x."
+_CLOUDS = """\
+A cloud holds x, y, z in metres: an .npy array (n, 3), a .csv table (columns x, y, z, or three unnamed ones) or a .ply file.
+Labels are an array (n,) of uint8 in the order of the points. A transform says in "status" what it is worth: converged,
+degenerate (some directions are not determined by the clouds), not_converged, poor_overlap.
+"""
+SMRF_OPTIONS = {
+    ("--cell-m",): "edge of a cell of the surface (default 1)",
+    ("--slope",): "steepest ground, rise over run (default 0.15)",
+    ("--window-m",): "radius of the widest opening: half the width of the largest building (default 18)",
+    ("--elevation-threshold-m",): "how far a ground point may lie off the surface (default 0.5; 0.2 keeps cones)",
+    ("--elevation-scalar", "--scalar"): "metres added to the threshold per unit of slope (default 1.25)",
+}  # Pingel, Clarke & McBride 2013, one set for all terrain
 
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
@@ -49,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
 
 def _run(args: argparse.Namespace) -> dict[str, Any]:
-    from wzsumo.study import verbs
+    from wzsumo.study import cloud_verbs, verbs
 
     match args.command:
         case "layout":
@@ -66,6 +78,10 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
             return verbs.plan_on_map(args.map, args.out, start=args.start, goal=args.goal, speed_mps=args.speed_mps)
         case "report":
             return verbs.report_again(args.folder)
+        case "ground":
+            return cloud_verbs.label_ground(args.cloud, args.out, parameters=_given(args, SMRF_OPTIONS))
+        case "register":
+            return cloud_verbs.register_clouds(args.source, args.target, args.out)
         case _:
             return verbs.warm_up()
 
@@ -108,8 +124,23 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--speed-mps", type=_speed, default=10.0, help="limits the curvature: v^2 k <= 2 m/s2 (default 10)")
     sub = command("report", "write figures and report.html of a run's folder again")
     sub.add_argument("folder", type=Path, metavar="DIR")
+    sub = command("ground", "label the ground points of a cloud by SMRF: 1 = ground", _CLOUDS)
+    sub.add_argument("cloud", type=Path, metavar="IN.(npy|csv|ply)")
+    sub.add_argument("--out", type=Path, required=True, metavar="OUT.npy")
+    for names, about in SMRF_OPTIONS.items():
+        sub.add_argument(*names, type=_number, metavar="NUMBER", help=about)
+    sub = command("register", "find the 4 x 4 transform that takes one cloud to another", _CLOUDS)
+    sub.add_argument("source", type=Path, metavar="SOURCE")
+    sub.add_argument("target", type=Path, metavar="TARGET")
+    sub.add_argument("--out", type=Path, required=True, metavar="T.txt")
     command("warm", "compile all kernels once (set-up does it)")
     return parser
+
+
+def _given(args: argparse.Namespace, options: Iterable[tuple[str, ...]]) -> dict[str, float]:
+    """The options that were given, by their name in a spec."""
+    keys = [names[0].removeprefix("--").replace("-", "_") for names in options]
+    return {key: getattr(args, key) for key in keys if getattr(args, key) is not None}
 
 
 def _seed(text: str) -> int:

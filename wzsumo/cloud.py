@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from wzsumo.errors import InputError
+from wzsumo.errors import CloudError
 from wzsumo.frames import FloatArray
 
 CLOUD_FORMATS = (".npy", ".csv", ".ply")
@@ -14,10 +14,6 @@ _PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
     "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
-
-
-class CloudError(InputError):
-    """A point cloud that cannot be used: wrong shape, a value not finite, too few points, an unknown format."""
 
 
 def check_cloud(points: npt.ArrayLike, *, source: str, at_least: int = 1) -> FloatArray:
@@ -48,7 +44,7 @@ def read_cloud(path: Path, *, at_least: int = 1) -> FloatArray:
         raise CloudError(f"{path}: no such file; name an existing cloud ({', '.join(CLOUD_FORMATS)})")
     try:
         points = {".npy": _read_npy, ".csv": _read_csv, ".ply": _read_ply}[kind](path)
-    except (OSError, EOFError, ValueError) as error:
+    except (OSError, EOFError, ValueError, IndexError) as error:
         raise CloudError(f"{path}: cannot be read as {kind} ({str(error).splitlines()[0] or error!r})") from None
     return check_cloud(points, source=str(path), at_least=at_least)
 
@@ -64,13 +60,17 @@ def _read_csv(path: Path) -> npt.ArrayLike:
     named = [[name for name in table.columns if str(name).strip().lower() in {axis, f"{axis}_m"}] for axis in "xyz"]
     if all(len(columns) == 1 for columns in named):
         return table[[columns[0] for columns in named]].to_numpy(dtype=float)
-    return pd.read_csv(path, header=None).to_numpy(dtype=float)
+    try:
+        return pd.read_csv(path, header=None).to_numpy(dtype=float)
+    except ValueError:
+        given = ", ".join(map(str, table.columns))
+        raise ValueError(f"a table has the columns x, y, z, or three unnamed ones of numbers; given: {given}") from None
 
 
 def _read_ply(path: Path) -> npt.ArrayLike:
     """Vertices of a PLY file, ASCII or binary. Source: Turk, The PLY Polygon File Format, 1994."""
     content = path.read_bytes()
-    head, mark, body = content.partition(b"end_header\n")
+    head, mark, body = content.replace(b"end_header\r\n", b"end_header\n", 1).partition(b"end_header\n")
     if not content.startswith(b"ply") or not mark:
         raise ValueError("no PLY header")
     lines = [line.split() for line in head.decode("ascii", errors="replace").splitlines()]

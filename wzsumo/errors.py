@@ -17,6 +17,14 @@ class MapError(InputError):
     """A map, or a pose on it, that cannot be used: image and metadata disagree, a pose lies outside."""
 
 
+class CloudError(InputError):
+    """A point cloud that cannot be used: wrong shape, a value not finite, too few points, an unknown format."""
+
+
+class NoGroundError(CloudError):
+    """A point cloud of which nothing can be told from an object: it holds no ground."""
+
+
 class OutputError(InputError):
     """A place that results cannot be written to."""
 

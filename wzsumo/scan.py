@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from wzsumo.cloud import CloudError
+from wzsumo.errors import CloudError
 from wzsumo.frames import FloatArray
 
 NO_RETURN, GROUND = -1, 0  # object ids; 1.. are the objects of the scene

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from wzsumo.cloud import CloudError, read_cloud
+from wzsumo.cloud import read_cloud
+from wzsumo.errors import CloudError
 
 POINTS = np.array([[1.5, -2.25, 0.125], [3.0, 4.0, 5.0], [-1e3, 0.5, 7.75]])
 

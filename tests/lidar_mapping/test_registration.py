@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from wzsumo.cloud import CloudError
+from wzsumo.errors import CloudError
 from wzsumo.lidar_mapping.patches import FEWEST, FLATNESS, NEIGHBOURS, SLENDERNESS, SPREAD, Shape, fit_patches
 from wzsumo.lidar_mapping.registration import Matcher, RegistrationStatus, align, minus, plus, register
 from wzsumo.lidar_mapping.voxel_map import ROOM, VoxelMap

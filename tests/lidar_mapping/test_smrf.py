@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 from scipy.sparse.linalg import spsolve
 
-from wzsumo.cloud import CloudError
+from wzsumo.errors import CloudError
 from wzsumo.lidar_mapping.membrane import fill_holes
 from wzsumo.lidar_mapping.opening import open_by_disk
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask, object_cells

@@ -14,7 +14,7 @@ from enum import StrEnum
 import numpy as np
 from pydantic import Field
 
-from wzsumo.errors import InputError
+from wzsumo.errors import InputError, NoGroundError
 from wzsumo.frames import FloatArray
 from wzsumo.lidar_mapping.features import BoolArray, Features, FeatureSpec, extract_features, take_out_motion
 from wzsumo.lidar_mapping.motion import (
@@ -171,7 +171,10 @@ def _standing(scan: LidarScan, cloud: FloatArray, prior: Prior, spec: LoamSpec) 
     standing = np.zeros(len(cloud), dtype=bool)
     if near.any():
         # Level axes, as SMRF needs them: the car's own roll and pitch would add to every slope.
-        standing[near] = ~ground_mask(cloud[near] @ prior.pose[:3, :3].T, spec.ground)
+        try:
+            standing[near] = ~ground_mask(cloud[near] @ prior.pose[:3, :3].T, spec.ground)
+        except NoGroundError:
+            standing[near] = True
     return standing
 
 

@@ -13,7 +13,8 @@ import numpy.typing as npt
 from numba import njit
 from scipy.spatial import cKDTree
 
-from wzsumo.cloud import CloudError, check_cloud
+from wzsumo.cloud import check_cloud
+from wzsumo.errors import CloudError
 from wzsumo.frames import FloatArray
 from wzsumo.lidar_mapping.patches import Patches, Shape, fit_patches
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask

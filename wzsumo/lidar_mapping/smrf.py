@@ -12,7 +12,8 @@ from numba import njit
 from pydantic import Field
 from scipy.ndimage import spline_filter
 
-from wzsumo.cloud import CloudError, check_cloud
+from wzsumo.cloud import check_cloud
+from wzsumo.errors import CloudError, NoGroundError
 from wzsumo.frames import FloatArray
 from wzsumo.lidar_mapping.membrane import BoolArray, fill_holes
 from wzsumo.lidar_mapping.opening import open_by_disk
@@ -46,7 +47,8 @@ def ground_mask(points: npt.ArrayLike, spec: SmrfSpec) -> BoolArray:
     """Whether each point (n, 3) [m] is ground: near the provisional terrain, above or below it.
 
     Near means |z - terrain| <= elevation_threshold_m + elevation_scalar * slope of the terrain at the point. Raises
-    CloudError for an empty cloud, a value not finite, or an extent beyond MAX_CELLS cells.
+    CloudError for an empty cloud, a value not finite, or an extent beyond MAX_CELLS cells, NoGroundError for a cloud of
+    nothing but spikes.
     """
     cloud = check_cloud(points, source="cloud")
     return ground_mask_on(estimate_terrain(cloud, spec), cloud, spec)
@@ -62,7 +64,10 @@ def ground_mask_on(terrain: Terrain, cloud: FloatArray, spec: SmrfSpec) -> BoolA
 
 
 def estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> Terrain:
-    """Provisional ground surface of a cloud (n, 3): lowest points, cleared of objects and low outliers, holes filled."""
+    """Provisional ground surface of a cloud (n, 3): lowest points, cleared of objects and low outliers, holes filled.
+
+    Raises NoGroundError where nothing is left of it.
+    """
     low = np.floor(np.array([cloud[:, 0].min(), cloud[:, 1].min()]) / spec.cell_m + 0.5)
     high = np.floor(np.array([cloud[:, 0].max(), cloud[:, 1].max()]) / spec.cell_m + 0.5)
     cols, rows = (int(n) for n in high - low + 1)
@@ -78,8 +83,8 @@ def estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> Terrain:
     inverted_openings = (-surface, LOW_OUTLIER_SLOPE, 1)
     hole = empty | object_cells(*inverted_openings, cell=spec.cell_m)
     hole |= object_cells(surface, spec.slope, int(np.ceil(spec.window_m / spec.cell_m - 1e-9)), cell=spec.cell_m)
-    if hole.all():  # a spike with nothing around it that could be ground: keep what was measured
-        hole = empty
+    if hole.all():
+        raise NoGroundError("cloud: no ground in it; every cell stands above or lies below its neighbours: take a wider cloud")
     height = fill_holes(surface, hole)
     return Terrain(
         height=height,
