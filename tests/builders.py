@@ -14,6 +14,12 @@ def paper_road(**changes) -> Road:
     return RoadSpec(**spec | changes).build()
 
 
+def two_lane_road(**changes) -> Road:
+    """A 12 ft lane in each direction between shoulders of 6 ft, straight along +x."""
+    spec = {"lane_count": 1, "opposing_lane_count": 1, "left_shoulder_ft": 6, "right_shoulder_ft": 6, "length_ft": 5000}
+    return RoadSpec(**spec | changes).build()
+
+
 def bent_road(radius_ft: float, *, arc_ft: float = 4100, **changes) -> Road:
     """The paper's cross-section on a straight, a transition and an arc; a positive radius turns left."""
     alignment = (

@@ -1,7 +1,8 @@
 """Road: a reference line with arc length, lanes and shoulders, and the way between (s, d) and (x, y).
 
-The reference line is the RIGHT EDGE LINE of the travelled way, in the direction of travel: d = 0 there, d > 0 to the
-left. Lane 0 is the rightmost, as in SUMO. The right shoulder has d < 0.
+Stations s are measured along the reference line, which runs in the MIDDLE of all lanes, as alignments are surveyed: so a zone
+is as long on a bend as on a straight. Offsets d count from the RIGHT EDGE LINE, positive to the left; the right shoulder
+has d < 0. Lane 0 is the rightmost, as in SUMO.
 """
 
 from dataclasses import dataclass
@@ -36,12 +37,16 @@ class Profile:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Road:
-    """A one-way carriageway: reference line (n, 2) [m] (see the module), lane widths from the right, shoulders [m]."""
+    """A carriageway: reference line (n, 2) [m] (see the module), lane widths from the right, shoulders [m].
+
+    The leftmost `opposing_lanes` of its lanes are driven against the stations; 0 on a one-way carriageway.
+    """
 
     reference_line: FloatArray
     lane_widths: tuple[float, ...]
     left_shoulder: float
     right_shoulder: float
+    opposing_lanes: int = 0
 
     def __post_init__(self) -> None:
         line = np.asarray(self.reference_line, dtype=float)
@@ -52,7 +57,7 @@ class Road:
         object.__setattr__(self, "reference_line", line)
         turn = np.abs(wrap_angle(np.diff(self._segment_headings)))
         step = np.minimum(self._segment_lengths[:-1], self._segment_lengths[1:])
-        reach = max(self.left_edge, self.right_shoulder)
+        reach = max(self.left_edge - self._middle, self.right_shoulder + self._middle)
         if turn.size and (turn * reach > step).any():
             tightest = float(np.min(step[turn > 0] / turn[turn > 0]))
             raise SpecError(
@@ -76,6 +81,16 @@ class Road:
         return sum(self.lane_widths)
 
     @property
+    def own_lanes(self) -> int:
+        """Number of the lanes that are driven along the stations."""
+        return len(self.lane_widths) - self.opposing_lanes
+
+    @property
+    def own_width(self) -> float:
+        """Width [m] of the lanes that are driven along the stations; d of the line to their left."""
+        return sum(self.lane_widths[: self.own_lanes])
+
+    @property
     def left_edge(self) -> float:
         """Lateral offset d [m] of the pavement's left edge; the right edge is at -right_shoulder."""
         return self.travelled_width + self.left_shoulder
@@ -96,7 +111,7 @@ class Road:
         share = ((station - self.stations[segment]) / self._segment_lengths[segment])[..., None]
         foot = self.reference_line[segment] + share * (self.reference_line[segment + 1] - self.reference_line[segment])
         normal = self._normals[segment] + share * (self._normals[segment + 1] - self._normals[segment])
-        return np.asarray(foot + offset[..., None] * normal)
+        return np.asarray(foot + (offset[..., None] - self._middle) * normal)
 
     def to_sd(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Stations and lateral offsets [m] of world points (n, 2): the exact inverse of `to_xy` on and beside the pavement."""
@@ -113,7 +128,7 @@ class Road:
             torn = (step > 0) & (moved_share < 0) | (step < 0) & (moved_share >= 1)
             segment, share = np.where(torn, segment, moved), np.where(torn, np.clip(share, 0, 1), moved_share)
         offset = np.einsum("ij,ij->i", xy - self.reference_line[segment], self._segment_normals[segment])
-        return self.stations[segment] + share * self._segment_lengths[segment], offset
+        return self.stations[segment] + share * self._segment_lengths[segment], offset + self._middle
 
     def heading_at(self, s: npt.ArrayLike) -> FloatArray:
         """Headings [rad] of the reference line at stations s [m], interpolated between the middles of its segments."""
@@ -127,6 +142,10 @@ class Road:
         s = s[(s >= start) & (s <= end)]
         sides = [self.to_xy(s, p(s) if isinstance(p, Profile) else np.full_like(s, p)) for p in (right, left)]
         return Polygon(np.vstack([sides[0], sides[1][::-1]]))
+
+    @property
+    def _middle(self) -> float:
+        return self.travelled_width / 2
 
     @cached_property
     def _tree(self) -> cKDTree:
@@ -163,7 +182,10 @@ class Road:
 
 
 class Bend(Spec):
-    """One piece of an alignment: a straight without a radius; positive radius turns left, negative right."""
+    """One piece of an alignment: a straight without a radius; positive radius turns left, negative right.
+
+    The radius is that of the middle of all lanes.
+    """
 
     length_ft: float = Field(gt=0)
     radius_ft: float | None = None
@@ -180,13 +202,14 @@ class Bend(Spec):
 class RoadSpec(Spec):
     """The road before the work zone was set up. Lane 0 is the rightmost."""
 
-    lane_count: int = Field(ge=1, le=8)
-    lane_width_ft: float = Field(12.0, ge=9, le=16)  # 12 ft: AASHTO Green Book, freeway lane
+    lane_count: int = Field(ge=1, le=8)  # in the direction of travel
+    opposing_lane_count: int = Field(0, ge=0, le=4)  # to their left, without a median; 0: a divided or one-way road
+    lane_width_ft: float = Field(12.0, ge=10, le=16)  # 12 ft: AASHTO Green Book, freeway lane; 10 ft: MUTCD 6G, narrowest
     left_shoulder_ft: float = Field(ge=0, le=30)
     right_shoulder_ft: float = Field(ge=0, le=30)
     length_ft: float | None = Field(None, gt=0)  # of a straight road; or:
     alignment: tuple[Bend, ...] = ()  # straights, arcs and transitions, or:
-    reference_points_m: tuple[tuple[float, float], ...] = ()  # any real alignment, right edge line, in metres
+    reference_points_m: tuple[tuple[float, float], ...] = ()  # any real alignment: the middle of all lanes, in metres
 
     @model_validator(mode="after")
     def _one_alignment(self) -> Self:
@@ -196,17 +219,28 @@ class RoadSpec(Spec):
         return self
 
     def build(self) -> Road:
-        """The Road in metres; x runs along the first straight from (0, 0) where no points are given."""
+        """The Road in metres.
+
+        Where no points are given its right edge line begins at (0, 0), and x runs along the first straight.
+        """
+        lane_widths = (self.lane_width_ft * METRES_PER_FOOT,) * (self.lane_count + self.opposing_lane_count)
         if self.reference_points_m:
             line = np.array(self.reference_points_m, dtype=float)
         else:
             line = _line_of(self.alignment or (Bend(length_ft=self.length_ft or 0.0),))
-        return Road(
+            line[:, 1] += sum(lane_widths) / 2
+        road = Road(
             reference_line=line,
-            lane_widths=(self.lane_width_ft * METRES_PER_FOOT,) * self.lane_count,
+            lane_widths=lane_widths,
             left_shoulder=self.left_shoulder_ft * METRES_PER_FOOT,
             right_shoulder=self.right_shoulder_ft * METRES_PER_FOOT,
+            opposing_lanes=self.opposing_lane_count,
         )
+        if not road.strip(0.0, road.length, -road.right_shoulder, road.left_edge).is_valid:
+            raise SpecError(
+                f"the road runs across itself within its {road.length:.0f} m; shorten it, or let it turn by less than a circle"
+            )
+        return road
 
 
 def _line_of(alignment: tuple[Bend, ...]) -> FloatArray:

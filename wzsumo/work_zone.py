@@ -6,42 +6,89 @@ Stations s run along the road's reference line, offsets d to its left (see `road
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal, Self
 
+import numpy as np
+import numpy.typing as npt
 import pandas as pd
-from pydantic import Field
-from shapely import Polygon, union_all
+import shapely
+from pydantic import Field, field_validator, model_validator
+from shapely import union_all
 from shapely.geometry.base import BaseGeometry
 
 from wzsumo.road import Profile, Road
 from wzsumo.spec import Spec
 
-DEVICE_COLUMNS = ("kind", "s_m", "d_m", "x_m", "y_m", "height_m", "radius_m")
+# A device is a disc of radius_m where length_m is 0, else a box that long along heading_rad and 2 radius_m wide.
+DEVICE_COLUMNS = ("kind", "s_m", "d_m", "x_m", "y_m", "heading_rad", "height_m", "radius_m", "length_m")
+SIGN_COLUMNS = ("code", "text", "s_m", "d_m", "x_m", "y_m", "heading_rad")  # heading of the traffic that reads it
+
+Side = Literal["left", "right"]
 
 
 class DeviceKind(StrEnum):
-    """Channelizing devices of MUTCD 11th ed., Sections 6K.03 to 6K.10."""
+    """Channelizing devices of MUTCD 11th ed., Sections 6K.03 to 6K.10, and the temporary traffic barrier of Section 6M.02."""
 
     CONE_28_IN = "cone_28in"
     CONE_36_IN = "cone_36in"
     DRUM = "drum"
+    BARRIER = "barrier"
+
+
+class RoadType(StrEnum):
+    """Kinds of road by which MUTCD 11th ed., Table 6B-1 spaces advance-warning signs."""
+
+    URBAN_LOW_SPEED = "urban_low_speed"
+    URBAN_HIGH_SPEED = "urban_high_speed"
+    RURAL = "rural"
+    FREEWAY = "freeway"  # or expressway
 
 
 class WorkZone(Spec):
     """What is closed, where and at what posted speed. Lengths that are left out come from the MUTCD."""
 
     posted_speed_mph: float = Field(ge=20, le=75)  # the range of MUTCD 11th ed. Table 6B-2
+    road_type: RoadType = RoadType.FREEWAY  # decides the distances of the signs; the paper's road
+    typical_application: str | None = None  # "TA-33": the zone is refused where it is not what the manual draws under it
     start_ft: float = Field(ge=0)  # station of the first device
-    closed_lanes: tuple[int, ...] = ()  # 0 = rightmost; from the outer edge inwards, without a gap
-    closed_shoulder: Literal["left", "right"] | None = None
+    closed_lanes: tuple[int, ...] = ()  # 0 = rightmost; side by side
+    closed_shoulder: Side | None = None  # for an interior closure: the side whose outer lane closes first
     shift_ft: float = Field(0.0, ge=0)  # the open lanes move away from the closed side by this
     shifted_lane_width_ft: float | None = Field(None, ge=10, le=16)  # None: as before; 10 ft: MUTCD 6G, narrowest
+    one_lane_two_way: Literal["signal", "flaggers"] | None = None  # both directions take turns on the opposing lane
     work_length_ft: float = Field(gt=0)
-    taper_tangent_ft: float | None = Field(None, ge=0)  # between merging and shifting taper; None: L/2
+    taper_tangent_ft: float | None = None  # between two tapers; None: 2 L between merging tapers, L/2 before a shift
+    one_lane_two_way_taper_ft: float = Field(100.0, ge=50, le=100)  # MUTCD 11th ed. Table 6B-3
     buffer_ft: float | None = Field(None, ge=0)  # longitudinal buffer ahead of the work space; None: stopping sight distance
     downstream_taper_ft: float = Field(100.0, ge=50, le=100)  # per lane, MUTCD 11th ed. Table 6B-3
     device: DeviceKind = DeviceKind.CONE_36_IN
+    work_space_device: DeviceKind | None = None  # beside the activity area; None: as `device`
+    device_gaps_ft: tuple[tuple[float, float], ...] = ()  # stretches, from start_ft on, where devices are missing
     manual: Literal["MUTCD 11th edition"] = "MUTCD 11th edition"
+
+    @field_validator("taper_tangent_ft")
+    @classmethod
+    def _tapers_do_not_overlap(cls, value: float | None) -> float | None:
+        if value is not None and value < 0:
+            raise ValueError(f"the two tapers would overlap by {-value:g} ft; give 0 or more, or leave it out for the manual's")
+        return value
+
+    @field_validator("device")
+    @classmethod
+    def _tapers_are_no_wall(cls, value: DeviceKind) -> DeviceKind:
+        if value is DeviceKind.BARRIER:
+            raise ValueError(
+                "a barrier must not form the tapers (MUTCD 11th ed., Section 6M.02); give a cone or drum here and "
+                'work_space_device = "barrier"'
+            )
+        return value
+
+    @model_validator(mode="after")
+    def _gaps_are_stretches(self) -> Self:
+        for start, end in self.device_gaps_ft:
+            if not 0 <= start < end:
+                raise ValueError(f"device_gaps_ft: [{start:g}, {end:g}] must be [from, to] in feet from start_ft on, from < to")
+        return self
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,11 +109,32 @@ class Area:
 class OpenLane:
     """A lane that traffic may use from station `start` to `end` [m]: lateral offsets of its two lines as functions of s."""
 
-    index: int  # of the road's own lane, 0 = rightmost
+    index: int  # of the road's own lane as which it begins, 0 = rightmost
     start: float
     end: float
     right: Profile
     left: Profile
+    opposing: bool = False  # driven against the stations; right and left are as seen along them
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClosedStrip:
+    """What devices fence off from station `start` to `end` [m], between two lateral offsets as functions of s."""
+
+    start: float
+    end: float
+    right: Profile
+    left: Profile
+    interior: bool = False  # with open lanes on both sides
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakingTurns:
+    """Where both directions use one lane by turns: stations [m] of the two stop lines, and who holds them back."""
+
+    start: float
+    end: float
+    control: Literal["signal", "flaggers"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,8 +152,10 @@ class WorkZoneLayout:
     lanes: tuple[OpenLane, ...]
     drivable_right: Profile
     drivable_left: Profile
-    closed_strips: tuple[tuple[float, float, Profile, Profile], ...]  # start, end, right, left
+    closed_strips: tuple[ClosedStrip, ...]
     devices: pd.DataFrame  # DEVICE_COLUMNS
+    signs: pd.DataFrame  # SIGN_COLUMNS; those that stand ahead of the modelled road have a negative station
+    taking_turns: TakingTurns | None = None
 
     @property
     def start(self) -> float:
@@ -112,7 +182,7 @@ class WorkZoneLayout:
     @cached_property
     def closed_area(self) -> BaseGeometry:
         """Area that devices fence off."""
-        return union_all([self.road.strip(*strip) for strip in self.closed_strips])
+        return union_all([self._area_of(strip) for strip in self.closed_strips])
 
     @cached_property
     def pavement(self) -> BaseGeometry:
@@ -120,6 +190,29 @@ class WorkZoneLayout:
         whole = self.road.strip(0.0, self.road.length, -self.road.right_shoulder, self.road.left_edge)
         return whole - self.closed_area
 
-    def drivable_between(self, start: float, end: float) -> Polygon:
+    @cached_property
+    def device_outlines(self) -> npt.NDArray[Any]:
+        """Polygons (n,) of the devices' outlines on the ground, in the order of the table."""
+        return device_outlines(self.devices)
+
+    def drivable_between(self, start: float, end: float) -> BaseGeometry:
         """The drivable area from station `start` to `end` [m]: the truth that a map of that stretch is held against."""
-        return self.road.strip(start, end, self.drivable_right, self.drivable_left)
+        whole = self.road.strip(start, end, self.drivable_right, self.drivable_left)
+        return whole - union_all([self._area_of(strip) for strip in self.closed_strips if strip.interior])
+
+    def _area_of(self, strip: ClosedStrip) -> BaseGeometry:
+        return self.road.strip(strip.start, strip.end, strip.right, strip.left)
+
+
+def device_outlines(devices: pd.DataFrame) -> npt.NDArray[Any]:
+    """Polygons (n,) of the outlines on the ground of devices in DEVICE_COLUMNS: discs, and boxes where they have a length."""
+    columns = ["x_m", "y_m", "heading_rad", "radius_m", "length_m"]
+    x, y, heading, radius, length = devices[columns].to_numpy(dtype=float).T
+    along = np.column_stack([np.cos(heading), np.sin(heading)]) * (length / 2)[:, None]
+    across = np.column_stack([-np.sin(heading), np.cos(heading)]) * radius[:, None]
+    centre = np.column_stack([x, y])
+    corners = [centre - along - across, centre + along - across, centre + along + across, centre - along + across]
+    boxes = shapely.polygons(np.stack(corners, axis=1))
+    # 64 corners: the disc's outline is met to 0.1 % of its radius.
+    discs = shapely.buffer(shapely.points(centre), radius, quad_segs=16)
+    return np.where(length > 0, np.asarray(boxes), np.asarray(discs))

@@ -30,11 +30,11 @@ def test_straight_road_from_the_origin_is_the_world_frame(s, d):
 @pytest.mark.parametrize("radius_ft", [600, -600])
 def test_points_beside_an_arc_lie_on_the_circle_of_their_offset(radius_ft):
     road = paper_road(length_ft=None, alignment=(Bend(length_ft=900, radius_ft=radius_ft),))
-    radius, s = radius_ft * 0.3048, np.linspace(0, road.length, 500)
+    radius, s, middle = radius_ft * 0.3048, np.linspace(0, road.length, 500), 18 * 0.3048
     assert road.length == pytest.approx(900 * 0.3048, rel=1e-4)
     for d in (-3.0, 0.0, 14.0):
-        distance = np.hypot(*(road.to_xy(s, d) - [0.0, radius]).T)
-        assert np.abs(distance - abs(radius - d)).max() < 0.006  # chord error of 5 mm, and rounding
+        distance = np.hypot(*(road.to_xy(s, d) - [0.0, middle + radius]).T)
+        assert np.abs(distance - abs(radius - (d - middle))).max() < 0.006  # chord error of 5 mm, and rounding
 
 
 @pytest.mark.parametrize("radius_ft", [600, -600])
@@ -52,8 +52,13 @@ def test_lanes_are_counted_from_the_right():
 
 
 def test_bend_tighter_than_the_pavement_is_refused_with_both_numbers():
-    with pytest.raises(SpecError, match=r"radius of \d.*pavement reaches.*14\.6 m.*larger radius"):
-        paper_road(length_ft=None, alignment=(Bend(length_ft=60, radius_ft=40),))
+    with pytest.raises(SpecError, match=r"radius of \d.*pavement reaches.*9\.1 m.*larger radius"):
+        paper_road(length_ft=None, alignment=(Bend(length_ft=60, radius_ft=25),))
+
+
+def test_road_that_crosses_itself_is_refused_with_its_length():
+    with pytest.raises(SpecError, match=r"runs across itself within its 2\d\d\d m; shorten it"):
+        paper_road(length_ft=None, alignment=(Bend(length_ft=7000, radius_ft=984),))
 
 
 def test_road_with_a_repeated_point_is_refused():

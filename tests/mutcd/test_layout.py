@@ -114,8 +114,8 @@ def test_areas_on_a_bend_match_the_integral_over_the_curved_strip(radius_ft):
     s = np.linspace(layout.start, layout.end, 200_001)
     curvature = 1 / (radius_ft * 0.3048)
 
-    def strip_area(right, left):  # an arc's length at offset d is (1 - d / R) of the reference line's
-        return np.trapezoid((left - right) * (1 - curvature * (left + right) / 2), s)
+    def strip_area(right, left):  # an arc's length at offset d is (1 - (d - middle) / R) of the reference line's
+        return np.trapezoid((left - right) * (1 - curvature * ((left + right) / 2 - road.travelled_width / 2)), s)
 
     expected = strip_area(layout.drivable_right(s), layout.drivable_left(s))
     assert layout.drivable_between(layout.start, layout.end).area == pytest.approx(expected, rel=0.005)
@@ -124,8 +124,8 @@ def test_areas_on_a_bend_match_the_integral_over_the_curved_strip(radius_ft):
 
 
 def device_line(layout):
-    (_, _, right, _), = layout.closed_strips  # fmt: skip
-    return right
+    (strip,) = layout.closed_strips
+    return strip.right
 
 
 def refusal(road=None, **changes):

@@ -86,7 +86,14 @@ def test_layout_command_writes_the_zone_that_the_paper_names(tmp_path, capsys):
     assert {name: areas[name] / 0.3048 for name in lengths_ft} == pytest.approx(lengths_ft, abs=0.01)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["devices.csv", "layout.geojson", "layout.png"]
     features = json.loads((tmp_path / "out" / "layout.geojson").read_text())["features"]
-    assert {f["properties"]["name"] for f in features} == {"drivable", "closed_area", "pavement", "device"}
+    assert {f["properties"]["name"] for f in features} == {
+        "drivable",
+        "closed_area",
+        "pavement",
+        "reference_line",
+        "device",
+        "sign",
+    }
 
 
 def test_map_command_frees_the_lane_that_was_driven_and_leaves_the_rest_unknown(tmp_path, capsys):

@@ -25,8 +25,7 @@ def clearance_along(poses: npt.ArrayLike, *, vehicle: VehicleGeometry, layout: W
     """Clearance of rear-axle poses (n, 3) to the devices, the pavement's edges and the closed area of `layout`."""
     path = np.asarray(poses, dtype=float)
     swept = swept_area(path, vehicle)
-    x, y, radius = layout.devices[["x_m", "y_m", "radius_m"]].to_numpy(dtype=float).T
-    to_devices = shapely.distance(shapely.points(x, y), swept) - radius
+    to_devices = shapely.distance(layout.device_outlines, swept)
     outlines = np.array([vehicle.outline(pose) for pose in path])
     _, d = layout.road.to_sd(outlines.reshape(-1, 2))
     to_edges = np.minimum(d + layout.road.right_shoulder, layout.road.left_edge - d)

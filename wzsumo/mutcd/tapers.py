@@ -8,6 +8,7 @@ from wzsumo.errors import SpecError
 STOPPING_SIGHT_DISTANCE_FT = {
     20: 115, 25: 155, 30: 200, 35: 250, 40: 305, 45: 360, 50: 425, 55: 495, 60: 570, 65: 645, 70: 730, 75: 820,
 }  # fmt: skip
+SHORT_TAPER_FT = (50.0, 100.0)  # one-lane two-way tapers, and downstream tapers per lane: MUTCD 11th ed., Table 6B-3
 
 
 def merging_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
@@ -40,6 +41,23 @@ def shoulder_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
     return merging_taper_length_ft(speed_mph, offset_ft=offset_ft) / 3
 
 
+def downstream_taper_length_ft(lane_count: int, *, per_lane_ft: float) -> float:
+    """Length [ft] of the taper behind the work space, 50 to 100 ft a lane. Source: MUTCD 11th ed., Table 6B-3.
+
+    >>> downstream_taper_length_ft(2, per_lane_ft=100)
+    200
+    """
+    return lane_count * _short_taper_ft(per_lane_ft, key="downstream_taper_ft")
+
+
+def one_lane_two_way_taper_length_ft(length_ft: float) -> float:
+    """Length [ft] of the taper into a lane that both directions share, 50 to 100 ft. Source: MUTCD 11th ed., Table 6B-3.
+
+    It is short because everybody has stopped, or could have, ahead of it.
+    """
+    return _short_taper_ft(length_ft, key="one_lane_two_way_taper_ft")
+
+
 def buffer_length_ft(speed_mph: float) -> float:
     """Longitudinal buffer [ft]: stopping sight distance at the next speed of the manual's table that is not below.
 
@@ -49,3 +67,10 @@ def buffer_length_ft(speed_mph: float) -> float:
         if speed_mph <= speed:
             return length
     raise SpecError(f"posted_speed_mph={speed_mph} must be 20 to 75 mph, the range of the manual's tables")
+
+
+def _short_taper_ft(length_ft: float, *, key: str) -> float:
+    shortest, longest = SHORT_TAPER_FT
+    if not shortest <= length_ft <= longest:
+        raise SpecError(f"{key}={length_ft} must be {shortest:g} to {longest:g} ft (MUTCD 11th ed., Table 6B-3)")
+    return length_ft

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-import numpy as np
 from pydantic import Field
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.frames import FloatArray
 from wzsumo.simulation.demand import DemandSpec, write_demand
 from wzsumo.simulation.network import Edge, edges_of, write_network, write_xml
 from wzsumo.spec import Spec
@@ -16,6 +14,7 @@ from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
 
 SUBLANE_WIDTH_M = 0.45  # lateral resolution: an eighth of a 12 ft lane
+DRAWN_TO_M = 0.01  # of a device's outline
 _AREA_COLOURS = {"closed_area": "230,159,0,120", "drivable": "0,158,115,60"}  # Okabe-Ito orange, green
 
 
@@ -72,15 +71,15 @@ def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
         for number, part in enumerate(getattr(area, "geoms", [area])):
             shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in part.exterior.coords)
             ET.SubElement(root, "poly", id=f"{name}_{number}", color=colour, fill="1", layer="-1", shape=shape, type=name)
-    outlines = layout.devices[["x_m", "y_m", "radius_m"]].to_numpy(dtype=float)
-    for number, (x, y, radius) in enumerate(outlines):
-        shape = " ".join(f"{px:.3f},{py:.3f}" for px, py in _circle(x, y, radius))
-        ET.SubElement(root, "poly", id=f"device_{number:03d}", color="213,94,0", fill="1", layer="5", shape=shape)
+    for number, (kind, outline) in enumerate(zip(layout.devices["kind"], layout.device_outlines, strict=True)):
+        shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in outline.simplify(DRAWN_TO_M).exterior.coords)
+        ET.SubElement(
+            root, "poly", id=f"device_{number:03d}", color="213,94,0", fill="1", layer="5", shape=shape, type=str(kind)
+        )  # fmt: skip
+    for number, sign in enumerate(layout.signs.to_dict("records")):
+        id_ = f"sign_{number:02d}_{sign['text'].replace(' ', '_')}"
+        place = {"x": f"{sign['x_m']:.3f}", "y": f"{sign['y_m']:.3f}"}
+        ET.SubElement(root, "poi", place, id=id_, type=sign["code"], color="255,128,0", layer="6")
     path = folder / "zone.add.xml"
     write_xml(root, path)
     return path
-
-
-def _circle(x: float, y: float, radius: float) -> FloatArray:
-    turn = np.linspace(0, 2 * np.pi, 13)
-    return np.column_stack([x + radius * np.cos(turn), y + radius * np.sin(turn)])

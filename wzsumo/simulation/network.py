@@ -2,6 +2,7 @@
 
 SUMO has no tapered lane: a lane keeps one width along an edge. The road is therefore cut into edges so short that no lane
 changes its width by more than MAX_WIDTH_STEP_M on any of them, each lane with an explicit shape along its true centre.
+Where both directions take turns on one lane, their edges lie on top of each other and a traffic light lets one in at a time.
 """
 
 import subprocess
@@ -15,11 +16,13 @@ import numpy as np
 from wzsumo.errors import SimulationError
 from wzsumo.frames import FloatArray
 from wzsumo.simulation.installation import sumo_binary
+from wzsumo.simulation.turns import SIGNAL_ID, turns_program
 from wzsumo.units import METRES_PER_FOOT, mps_from_mph
 from wzsumo.work_zone import OpenLane, WorkZoneLayout
 
 MAX_WIDTH_STEP_M = 0.1  # what a vehicle jumps sideways where it changes lane on such an edge; SUMO moves 0.1 m a step anyway
 MERGE_END_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is as narrow as this: a car just fits
+SAME_STATION_M = 0.01
 LINE_MARGIN_M = 0.2  # SUMO lets a vehicle touch its lane's line, and a 12 m truck cuts a kink of 1:30 by 0.1 m
 _NETCONVERT_OPTIONS = (
     # The default junction radius of 4 m moves nodes and cuts lanes; normalising moves the whole net (SUMO 1.28).
@@ -30,47 +33,61 @@ _NETCONVERT_OPTIONS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Edge:
-    """One SUMO edge: stations in metres, and the road's lanes on it from right to left."""
+    """One SUMO edge: stations in metres (start < end), and its lanes in SUMO's order, from the right of who drives on it."""
 
     id: str
     start: float
     end: float
     lanes: tuple[OpenLane, ...]
-
-    def sumo_index(self, road_lane: int) -> int | None:
-        """SUMO's lane index of one of the road's lanes, None where it is closed."""
-        return next((i for i, lane in enumerate(self.lanes) if lane.index == road_lane), None)
+    opposing: bool = False  # driven from `end` to `start`
 
 
 def edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
     """The edges from the road's start to its end, each with at least one lane."""
-    cuts = _cuts(layout)
     edges = []
-    for number, (start, end) in enumerate(pairwise(cuts)):
+    for number, (start, end) in enumerate(pairwise(_cuts(layout))):
         middle = (start + end) / 2
-        lanes = sorted((q for q in layout.lanes if q.start <= middle < _passable_end(q)), key=lambda q: q.index)
+        lanes = [q for q in layout.lanes if not q.opposing and q.start <= middle < _passable_end(q)]
         name = next((area.name for area in layout.areas if area.start <= middle < area.end), "")
         name = name or ("approach" if middle < layout.start else "departure")
-        edges.append(Edge(id=f"{number:02d}_{name.replace(' ', '_')}", start=start, end=end, lanes=tuple(lanes)))
+        id_ = f"{number:02d}_{name.replace(' ', '_')}"
+        edges.append(Edge(id=id_, start=start, end=end, lanes=tuple(sorted(lanes, key=lambda q: float(q.right(middle))))))
     return tuple(edges)
+
+
+def opposing_edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
+    """The edges of the other direction, from the road's end to its start; none on a one-way carriageway."""
+    lanes = tuple(sorted((q for q in layout.lanes if q.opposing), key=lambda q: -float(q.right(0.0))))
+    if not lanes:
+        return ()
+    turns = layout.taking_turns
+    stations = [layout.road.length, *((turns.end, turns.start) if turns else ()), 0.0]
+    return tuple(
+        Edge(id=f"opposing_{number}", start=start, end=end, lanes=lanes, opposing=True)
+        for number, (end, start) in enumerate(pairwise(stations))
+    )
 
 
 def write_network(layout: WorkZoneLayout, folder: Path) -> Path:
     """Write zone.net.xml by netconvert from plain XML beside it; returns its path."""
-    edges = edges_of(layout)
-    nodes = ET.Element("nodes")
-    for number, s in enumerate([edges[0].start, *(edge.end for edge in edges)]):
-        x, y = layout.road.to_xy(s, layout.road.travelled_width / 2)
-        ET.SubElement(nodes, "node", id=f"n{number}", x=f"{x:.4f}", y=f"{y:.4f}", type="priority")
-    parts = {"node": nodes, "edge": _edge_list(layout, edges), "connection": _connections(edges)}
-    files = {kind: folder / f"zone.{kind[:3]}.xml" for kind in parts}
-    for kind, root in parts.items():
-        write_xml(root, files[kind])
-    net = folder / "zone.net.xml"
-    command = [str(sumo_binary("netconvert")), *_NETCONVERT_OPTIONS, "--output-file", str(net)]
-    for kind, path in files.items():
+    edges, opposing = edges_of(layout), opposing_edges_of(layout)
+    connections = [*_connections(layout, edges), *_connections(layout, opposing)]
+    roots = {
+        "node": _nodes(layout, edges),
+        "edge": _edge_list(layout, (*edges, *opposing)),
+        "connection": ET.Element("connections"),
+    }
+    roots["connection"].extend(connections)
+    if layout.taking_turns:
+        entries = [edge.id for edge in (*edges, *opposing) if _is_entry(edge, layout)]
+        roots["tllogic"] = turns_program(layout, [link for link in connections if link.get("from") in entries])
+    command = [str(sumo_binary("netconvert")), *_NETCONVERT_OPTIONS]
+    for kind, root in roots.items():
+        path = folder / f"zone.{kind[:3]}.xml"
+        write_xml(root, path)
         command += [f"--{kind}-files", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    net = folder / "zone.net.xml"
+    done = subprocess.run([*command, "--output-file", str(net)], capture_output=True, text=True, check=False)
     if done.returncode != 0 or not net.exists():
         raise SimulationError(f"netconvert failed: {(done.stderr or done.stdout).strip().splitlines()[-1:]}")
     return net
@@ -82,13 +99,28 @@ def write_xml(root: ET.Element, path: Path) -> None:
     ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
 
+def _nodes(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
+    root, turns = ET.Element("nodes"), layout.taking_turns
+    for number, s in enumerate([edges[0].start, *(edge.end for edge in edges)]):
+        x, y = layout.road.to_xy(s, layout.road.travelled_width / 2)
+        kind = {"type": "priority"}
+        if turns and min(abs(s - turns.start), abs(s - turns.end)) < SAME_STATION_M:
+            kind = {"type": "traffic_light", "tl": SIGNAL_ID}
+        ET.SubElement(root, "node", {"id": f"n{number}", "x": f"{x:.4f}", "y": f"{y:.4f}", **kind})
+    return root
+
+
 def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
     root, speed = ET.Element("edges"), f"{mps_from_mph(layout.work_zone.posted_speed_mph):.3f}"
-    for number, edge in enumerate(edges):
-        ends = {"id": edge.id, "from": f"n{number}", "to": f"n{number + 1}"}
+    stations = np.array([0.0, *(edge.end for edge in edges if not edge.opposing)])
+    for edge in edges:
+        nodes = [f"n{int(np.argmin(np.abs(stations - s)))}" for s in (edge.start, edge.end)]
+        first, last = reversed(nodes) if edge.opposing else nodes
         # Without a length netconvert measures through the nodes: 18 m too much on the two edges beside the work.
-        length = f"{edge.end - edge.start:.4f}"
-        item = ET.SubElement(root, "edge", ends, speed=speed, numLanes=str(len(edge.lanes)), spreadType="center", length=length)
+        item = ET.SubElement(
+            root, "edge", {"id": edge.id, "from": first, "to": last}, speed=speed, numLanes=str(len(edge.lanes)),
+            spreadType="center", length=f"{edge.end - edge.start:.4f}",
+        )  # fmt: skip
         for index, lane in enumerate(edge.lanes):
             shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _centre_line(layout, lane, edge))
             attributes = {"index": str(index), "width": f"{_width_on(lane, edge):.3f}", "shape": shape}
@@ -98,15 +130,26 @@ def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
     return root
 
 
-def _connections(edges: tuple[Edge, ...]) -> ET.Element:
-    root = ET.Element("connections")
+def _connections(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> list[ET.Element]:
+    """Every lane leads on to itself; none but the ways onto a shared lane are held back by its signal."""
+    found = []
     for before, after in pairwise(edges):
         for index, lane in enumerate(before.lanes):
-            onward = after.sumo_index(lane.index)
-            if onward is not None:
-                ends = {"from": before.id, "to": after.id}
-                ET.SubElement(root, "connection", ends, fromLane=str(index), toLane=str(onward))
-    return root
+            if lane in after.lanes:
+                ends = {"from": before.id, "to": after.id, "fromLane": str(index), "toLane": str(after.lanes.index(lane))}
+                if not _is_entry(before, layout):
+                    ends["uncontrolled"] = "true"
+                found.append(ET.Element("connection", ends))
+    return found
+
+
+def _is_entry(edge: Edge, layout: WorkZoneLayout) -> bool:
+    """Whether an edge ends at the stop line where its direction waits for its turn."""
+    turns = layout.taking_turns
+    if turns is None:
+        return False
+    stop, here = (turns.end, edge.start) if edge.opposing else (turns.start, edge.end)
+    return abs(stop - here) < SAME_STATION_M
 
 
 def _cuts(layout: WorkZoneLayout) -> FloatArray:
@@ -121,7 +164,7 @@ def _cuts(layout: WorkZoneLayout) -> FloatArray:
     pieces = []
     for start, end in pairwise(stations):
         middle = (start + end) / 2
-        on_it = [lane for lane in layout.lanes if lane.start <= middle < _passable_end(lane)]
+        on_it = [lane for lane in layout.lanes if not lane.opposing and lane.start <= middle < _passable_end(lane)]
         change = max(abs(_width(lane, end) - _width(lane, start)) for lane in on_it)
         n = max(1, int(np.ceil(change / MAX_WIDTH_STEP_M - 1e-6)))
         pieces.append(start + np.arange(n) / n * (end - start))
@@ -153,4 +196,5 @@ def _is_closing(lane: OpenLane, edge: Edge) -> bool:
 def _centre_line(layout: WorkZoneLayout, lane: OpenLane, edge: Edge) -> FloatArray:
     inner = layout.road.stations
     s = np.concatenate([[edge.start], inner[(inner > edge.start + 0.01) & (inner < edge.end - 0.01)], [edge.end]])
-    return layout.road.to_xy(s, (lane.left(s) + lane.right(s)) / 2)
+    line = layout.road.to_xy(s, (lane.left(s) + lane.right(s)) / 2)
+    return line[::-1] if edge.opposing else line

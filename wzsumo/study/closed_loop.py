@@ -77,8 +77,7 @@ class _Surroundings:
 
     def __init__(self, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> None:
         self._vehicle = vehicle
-        self._devices = layout.devices[["x_m", "y_m", "radius_m"]].to_numpy(dtype=float)
-        self._points = np.asarray(shapely.points(self._devices[:, :2]))
+        self._devices = shapely.STRtree(layout.device_outlines)
         road = layout.road
         self._closed = layout.closed_area
         self._pavement = road.strip(-50.0, road.length + 50.0, -road.right_shoulder, road.left_edge)
@@ -95,11 +94,8 @@ class _Surroundings:
             hit = boxes_overlap(centre, size, traffic.poses, sizes)
             if hit.any():
                 return Outcome.COLLIDED, f"the outline overlaps vehicle {traffic.ids[int(np.argmax(hit))]} {where}"
-        near = np.hypot(self._devices[:, 0] - state.x, self._devices[:, 1] - state.y) < 10
-        if near.any():
-            gap = shapely.distance(self._points[near], outline) - self._devices[near, 2]
-            if gap.min() <= 0:
-                return Outcome.STRUCK_DEVICE, f"the outline touches a channelizing device {where}"
+        if len(self._devices.query(outline, predicate="intersects")):
+            return Outcome.STRUCK_DEVICE, f"the outline touches a channelizing device {where}"
         if shapely.intersects(self._closed, outline):
             return Outcome.ENTERED_CLOSED_AREA, f"part of the outline is in the closed area {where}"
         if not shapely.covers(self._pavement, outline):

@@ -1,4 +1,4 @@
-"""The layout as files: GeoJSON in world metres, the devices as a table, a drawing."""
+"""The layout as files: GeoJSON in world metres, and the devices as a table."""
 
 import json
 from pathlib import Path
@@ -16,18 +16,27 @@ def write_layout(layout: WorkZoneLayout, folder: Path) -> None:
 
 
 def layout_geojson(layout: WorkZoneLayout) -> dict[str, Any]:
-    """FeatureCollection of drivable, closed_area, pavement and the devices; coordinates are world metres, not degrees.
+    """FeatureCollection of drivable, closed_area, pavement, reference_line, devices and signs.
 
-    `areas` lists the named stretches with their stations [m].
+    Coordinates are world metres, not degrees. `areas` lists the named stretches with their stations [m].
     """
+    road = layout.road
+    section = {
+        "lane_widths_m": list(road.lane_widths),
+        "left_shoulder_m": road.left_shoulder,
+        "right_shoulder_m": road.right_shoulder,
+        "opposing_lanes": road.opposing_lanes,
+    }
+    line = {"type": "LineString", "coordinates": road.reference_line.tolist()}
     features = [
         _feature(shapely.geometry.mapping(getattr(layout, name)), {"name": name})
         for name in ("drivable", "closed_area", "pavement")
     ]
-    columns = ["kind", "s_m", "d_m", "height_m", "radius_m"]
-    for device in layout.devices.to_dict("records"):
-        point = {"type": "Point", "coordinates": [device["x_m"], device["y_m"]]}
-        features.append(_feature(point, {"name": "device"} | {key: device[key] for key in columns}))
+    features.append(_feature(line, {"name": "reference_line"} | section))
+    for name, table in (("device", layout.devices), ("sign", layout.signs)):
+        for row in table.to_dict("records"):
+            point = {"type": "Point", "coordinates": [row.pop("x_m"), row.pop("y_m")]}
+            features.append(_feature(point, {"name": name} | {str(key): value for key, value in row.items()}))
     areas = [{"name": area.name, "start_m": area.start, "end_m": area.end} for area in layout.areas]
     return {"type": "FeatureCollection", "areas": areas, "features": features}
 

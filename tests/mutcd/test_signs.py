@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+from builders import paper_layout, paper_road, paper_work_zone, two_lane_road
+
+from wzsumo.mutcd.layout import lay_out
+from wzsumo.units import feet_from_metres
+from wzsumo.work_zone import SIGN_COLUMNS
+
+# MUTCD, advance warning sign spacing: A, B, C in feet.
+PRINTED_SPACING_FT = {
+    "urban_low_speed": (100, 100, 100),
+    "urban_high_speed": (350, 350, 350),
+    "rural": (500, 500, 500),
+    "freeway": (1000, 1500, 2640),
+}
+
+
+@pytest.mark.parametrize("road_type", PRINTED_SPACING_FT)
+def test_signs_stand_at_the_printed_distances_ahead_of_the_first_device(road_type):
+    layout = paper_layout(road_type=road_type)
+    ahead = layout.signs[layout.signs["s_m"] < layout.start]["s_m"].drop_duplicates().to_numpy()
+    distances_ft = np.diff(feet_from_metres(np.concatenate([ahead, [layout.start]])))
+    assert distances_ft[::-1] == pytest.approx(PRINTED_SPACING_FT[road_type])
+
+
+def test_signs_on_a_freeway_stand_on_both_sides_clear_of_the_pavement():
+    layout = paper_layout()
+    assert tuple(layout.signs.columns) == SIGN_COLUMNS
+    assert len(layout.signs) == 8
+    d = layout.signs["d_m"].to_numpy()
+    assert set(np.round(feet_from_metres(d))) == {-16, 54}  # 6 ft beyond 10 ft of right shoulder, and beyond 48 ft
+    assert layout.road.to_xy(layout.signs["s_m"], d) == pytest.approx(layout.signs[["x_m", "y_m"]].to_numpy())
+
+
+@pytest.mark.parametrize(
+    ("zone", "texts"),
+    [
+        ({}, ["ROAD WORK AHEAD", "LEFT LANE CLOSED AHEAD", "LEFT LANE ENDS"]),
+        ({"closed_lanes": (0,), "closed_shoulder": "right"}, ["ROAD WORK AHEAD", "RIGHT LANE CLOSED AHEAD", "RIGHT LANE ENDS"]),
+        (
+            {"closed_lanes": (0, 1), "closed_shoulder": None, "shift_ft": 0, "shifted_lane_width_ft": None},
+            ["ROAD WORK AHEAD", "2 RIGHT LANES CLOSED AHEAD", "RIGHT LANE ENDS"],
+        ),
+        (
+            {"closed_lanes": (1,), "shift_ft": 0, "shifted_lane_width_ft": None},
+            ["ROAD WORK AHEAD", "CENTER LANE CLOSED AHEAD", "LEFT LANE ENDS"],
+        ),
+        ({"closed_lanes": (), "shift_ft": 10}, ["ROAD WORK AHEAD", "STAY IN LANE", "REVERSE CURVE"]),
+        (
+            {"closed_lanes": (), "shift_ft": 0, "shifted_lane_width_ft": None},
+            ["ROAD WORK AHEAD", "LEFT SHOULDER CLOSED AHEAD", "LEFT SHOULDER CLOSED"],
+        ),
+    ],
+)
+def test_signs_say_what_is_closed(zone, texts):
+    road = paper_road(length_ft=8000)
+    assert lay_out(paper_work_zone(road_type="rural", **zone), road).signs["text"].tolist() == [*texts, "END ROAD WORK"]
+
+
+@pytest.mark.parametrize(("control", "nearest"), [("signal", "SIGNAL AHEAD"), ("flaggers", "FLAGGER")])
+def test_both_directions_are_warned_where_they_take_turns(control, nearest):
+    zone = paper_work_zone(
+        posted_speed_mph=45, road_type="rural", closed_lanes=(0,), closed_shoulder="right", shift_ft=0,
+        shifted_lane_width_ft=None, one_lane_two_way=control,
+    )  # fmt: skip
+    layout = lay_out(zone, two_lane_road())
+    texts = ["ROAD WORK AHEAD", "ONE LANE ROAD AHEAD", nearest, "END ROAD WORK"]
+    assert layout.signs["text"].tolist() == texts * 2
+    own, other = layout.signs.iloc[:4], layout.signs.iloc[4:]
+    assert (own["d_m"] < 0).all()
+    assert (other["d_m"] > layout.road.left_edge).all()
+    assert own["s_m"].is_monotonic_increasing
+    assert other["s_m"].is_monotonic_decreasing
+    assert np.cos(other["heading_rad"].to_numpy()) == pytest.approx(-1)
