@@ -27,6 +27,10 @@ A trace file (.parquet or .csv) has one row a fix: vehicle_id, time_s, x_m, y_m 
 frame), and may have heading_rad, speed_mps, length_m, width_m. Free cells have p_occupied below 0.196; where nobody drove
 is unknown, not free.
 """
+_STUDIES = """\
+A study file (see scenarios/studies) names base scenarios, methods, and factors: any keys of the scenario, as a grid. Cases that
+share a simulation run it once. Stop it whenever you like; the same command goes on with what is missing.
+"""
 _POSES = "Poses are of the centre of the REAR AXLE: X Y in metres of the map's frame, DEG counter-clockwise from +x."
 _CLOUDS = """\
 A cloud holds x, y, z in metres: an .npy array (n, 3), a .csv table (columns x, y, z, or three unnamed ones) or a .ply file.
@@ -51,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
         print(f"wzsumo: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
-        print("wzsumo: interrupted; nothing was half-written", file=sys.stderr)
+        print("wzsumo: interrupted; what was finished is kept, nothing is half-written", file=sys.stderr)
         sys.exit(130)
     if args.json:
         print(json.dumps(figures))
@@ -76,6 +80,12 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
             return verbs.map_traces(args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m)
         case "plan":
             return verbs.plan_on_map(args.map, args.out, start=args.start, goal=args.goal, speed_mps=args.speed_mps)
+        case "sweep":
+            from wzsumo.study import sweep_verbs
+
+            return sweep_verbs.sweep_study(
+                args.study, args.out, workers=args.workers, scheduler=args.scheduler, dry_run=args.dry_run
+            )
         case "report":
             return verbs.report_again(args.folder)
         case "ground":
@@ -122,6 +132,12 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--goal", type=float, nargs=3, required=True, metavar=("X", "Y", "DEG"))
     sub.add_argument("--out", type=Path, required=True, metavar="PATH.csv")
     sub.add_argument("--speed-mps", type=_speed, default=10.0, help="limits the curvature: v^2 k <= 2 m/s2 (default 10)")
+    sub = command("sweep", "run what is missing of a study: results.parquet, one row a case", _STUDIES)
+    sub.add_argument("study", type=Path, metavar="STUDY.toml")
+    sub.add_argument("--out", type=Path, required=True, metavar="DIR")
+    sub.add_argument("--workers", type=_count, metavar="N", help="processes (default: one a core)")
+    sub.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs already, such as tcp://10.0.0.1:8786")
+    sub.add_argument("--dry-run", action="store_true", help="say how many cases and simulations, and about how long")
     sub = command("report", "write figures and report.html of a run's folder again")
     sub.add_argument("folder", type=Path, metavar="DIR")
     sub = command("ground", "label the ground points of a cloud by SMRF: 1 = ground", _CLOUDS)
@@ -146,6 +162,12 @@ def _given(args: argparse.Namespace, options: Iterable[tuple[str, ...]]) -> dict
 def _seed(text: str) -> int:
     if not text.isdigit():
         raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of 0 or more")
+    return int(text)
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of 1 or more")
     return int(text)
 
 

@@ -1,12 +1,19 @@
 """Results that appear whole or not at all."""
 
+import io
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from wzsumo.errors import OutputError
+
+UNFINISHED = ".unfinished-"  # what a file or folder is called until it is whole
 
 
 @contextmanager
@@ -19,7 +26,7 @@ def staged_folder(out: Path) -> Iterator[Path]:
     existed = out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=out))
+        stage = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=out))
     except OSError as error:
         raise OutputError(
             f"--out {out}: cannot be written to ({error.strerror}); name a folder that you may write to"
@@ -36,3 +43,27 @@ def staged_folder(out: Path) -> Iterator[Path]:
         shutil.rmtree(stage, ignore_errors=True)
         if not existed and not any(out.iterdir()):
             out.rmdir()
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file that is there in full or, if that fails or is cut short, as it was before. Raises OutputError."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
+    try:
+        with unfinished.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())  # the name must not reach the disk before the content
+        unfinished.replace(path)
+    except OSError as error:
+        unfinished.unlink(missing_ok=True)
+        raise OutputError(
+            f"{path}: cannot be written ({error.strerror}); make room there, then run the command again"
+        ) from None
+
+
+def parquet_bytes(table: pa.Table) -> bytes:
+    """A Parquet file of the table in which every page has a checksum."""
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)
+    return buffer.getvalue()

@@ -35,12 +35,29 @@ def parse_spec(kind: type[SpecT], content: dict[str, Any], *, source: str) -> Sp
     try:
         return kind.model_validate(content)
     except ValidationError as error:
-        raise SpecError("; ".join(_describe(kind, mistake, source=source) for mistake in error.errors())) from None
+        raise SpecError("; ".join(f"{source}: {mistake}" for mistake in describe_mistakes(kind, error))) from None
+
+
+def describe_mistakes(kind: type[BaseModel], error: ValidationError) -> list[str]:
+    """Key, value and rule of every mistake that was found in a spec of `kind`."""
+    return [_describe(kind, mistake) for mistake in error.errors()]
 
 
 def write_toml(content: dict[str, Any], path: Path) -> None:
     """Write a dictionary as TOML; keys without a value (None) are left out."""
     path.write_text(tomli_w.dumps(_without_none(content)), encoding="utf-8")
+
+
+def known_keys(kind: type[BaseModel], section: tuple[Any, ...]) -> list[str]:
+    """Keys that a section of a spec has, by the keys that lead to it; none where it is a plain value."""
+    model: Any = kind
+    for part in section:
+        if isinstance(part, int):
+            continue
+        model = _spec_in(model.model_fields[part].annotation)
+        if model is None:
+            return []
+    return sorted(model.model_fields)
 
 
 def _without_none(content: dict[str, Any]) -> dict[str, Any]:
@@ -49,28 +66,21 @@ def _without_none(content: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _describe(kind: type[BaseModel], mistake: Any, *, source: str) -> str:
+def _describe(kind: type[BaseModel], mistake: Any) -> str:
     key = ".".join(str(part) for part in mistake["loc"])
     if mistake["type"] == "extra_forbidden":
-        known = ", ".join(_known_keys(kind, mistake["loc"][:-1]))
-        return f"{source}: {key}: unknown key (given {mistake['input']!r}); known here: {known}"
+        known = ", ".join(known_keys(kind, mistake["loc"][:-1]))
+        return f"{key}: unknown key (given {mistake['input']!r}); known here: {known}"
     if mistake["type"] == "missing":
-        return f"{source}: {key}: missing; this key must be given"
+        return f"{key}: missing; this key must be given"
     # A rule of our own raises ValueError: pydantic's prefix "Value error, " says nothing to the reader.
     rule = mistake["msg"].removeprefix("Value error, ")
     if isinstance(mistake["input"], dict):  # a rule over several keys names the values itself
-        return f"{source}: {key + ': ' if key else ''}{rule}"
-    return f"{source}: {key}={mistake['input']!r}: {rule}"
+        return f"{key + ': ' if key else ''}{rule}"
+    return f"{key}={mistake['input']!r}: {rule}"
 
 
-def _known_keys(kind: type[BaseModel], section: tuple[Any, ...]) -> list[str]:
-    model: Any = kind
-    for part in section:
-        if isinstance(part, int):
-            continue
-        model = model.model_fields[part].annotation
-        if not isinstance(model, type):  # list[Model], Model | None
-            model = next((a for a in getattr(model, "__args__", ()) if isinstance(a, type) and issubclass(a, BaseModel)), None)
-        if model is None:
-            return []
-    return sorted(model.model_fields)
+def _spec_in(annotation: Any) -> type[BaseModel] | None:
+    """The model in list[Model], Model | None or Model itself."""
+    candidates = (annotation, *getattr(annotation, "__args__", ()))
+    return next((a for a in candidates if isinstance(a, type) and issubclass(a, BaseModel)), None)

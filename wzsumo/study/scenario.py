@@ -103,16 +103,22 @@ def load_scenario(path: Path, *, seed: int | None = None) -> Scenario:
     if seed is not None:
         content = content | {"seed": seed}
     scenario = parse_spec(Scenario, content, source=str(path))
+    if misfits := misfits_of(scenario):
+        raise SpecError("; ".join(f"{path}: {misfit}" for misfit in misfits))
+    return scenario
+
+
+def misfits_of(scenario: Scenario) -> list[str]:
+    """What does not fit together in a scenario: the zone and its road, start and goal, traces collected and used."""
+    misfits = []
     try:
         scenario.start_and_goal(scenario.layout())
     except SpecError as error:
-        raise SpecError(f"{path}: {error}") from None
-    if scenario.crowd.used > scenario.crowd.collected:
-        raise SpecError(
-            f"{path}: crowd.used={scenario.crowd.used} must be at most crowd.collected={scenario.crowd.collected}; "
-            "collect more or use fewer"
-        )
-    return scenario
+        misfits.append(str(error))
+    crowd = scenario.crowd
+    if crowd.used > crowd.collected:
+        misfits.append(f"crowd.used={crowd.used} must be at most crowd.collected={crowd.collected}; collect more or use fewer")
+    return misfits
 
 
 def _lane_pose(road: Road, station: float, lane: int) -> Pose:

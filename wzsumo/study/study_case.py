@@ -1,0 +1,69 @@
+"""StudyCase: one row of a study's table, and the names under which its simulation and its results are kept."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any
+
+import wzsumo
+from wzsumo.study.scenario import Scenario
+
+# Sections of a scenario that come after the simulation of the fleet; all others decide it. A section that is forgotten here
+# costs a simulation too many, never a wrong result.
+AFTER_SIMULATION = frozenset({"name", "crowd", "gnss", "mixture", "map", "route", "vehicle", "planner", "control", "plant"})
+# Modules that tell or draw what was measured: a change there leaves finished results as they are.
+_TELLING = frozenset(
+    {
+        "__init__.py", "__main__.py", "cli.py", "study/verbs.py", "study/interface.py", "study/sweep.py", "study/workers.py",
+        "study/cluster.py", "study/estimate.py", "study/sweep_verbs.py",
+        "study/result_store.py", "study/results.py", "study/statistics.py", "study/report.py", "study/figures.py",
+        "study/drive_figure.py", "study/map_figures.py", "study/mixture_figures.py", "study/zone_axes.py",
+        "study/result_folder.py", "study/sweep_report.py", "study/sweep_figures.py", "study/study_file.py",
+    }
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StudyCase:
+    """A scenario, the method that maps it, and whether the ego then drives; `factors` are the keys that the study varies."""
+
+    scenario: Scenario
+    method: str
+    drive: bool
+    factors: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def id(self) -> str:
+        """Name of the result: a hash of all that decides it, the version of the code included."""
+        return _digest(self.scenario.model_dump(mode="json", exclude={"name"}), self.method, self.drive)
+
+    @cached_property
+    def simulation(self) -> str:
+        """Name of the simulation of the fleet, which many cases share."""
+        return _digest(self.scenario.model_dump(mode="json", exclude=set(AFTER_SIMULATION)))
+
+    @cached_property
+    def crowd(self) -> str:
+        """Name of the traces and of what is learned of them, which the methods share."""
+        sections = {"crowd", "gnss", "mixture"}
+        return _digest(self.simulation, self.scenario.model_dump(mode="json", include=sections))
+
+
+@cache
+def code_version() -> str:
+    """Version of the package and a hash of the modules that decide a result: an edited method makes new results."""
+    package = Path(wzsumo.__file__).parent
+    digest = hashlib.blake2b(digest_size=6)
+    for path in sorted(package.rglob("*.py")):
+        name = path.relative_to(package).as_posix()
+        if name not in _TELLING:
+            digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return f"{wzsumo.__version__}+{digest.hexdigest()}"
+
+
+def _digest(*parts: Any) -> str:
+    text = json.dumps([code_version(), *parts], sort_keys=True)
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()

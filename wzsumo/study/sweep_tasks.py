@@ -1,0 +1,146 @@
+"""What a worker of a sweep does: simulate a fleet, or evaluate cases on a simulated fleet. Bytes in, plain values out.
+
+Workers need no folder in common: what a simulation gives comes back as the bytes of a Parquet file, and goes out again so.
+"""
+
+import io
+import json
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from wzsumo.ego import EgoRun
+from wzsumo.errors import InputError
+from wzsumo.metrics.fleet import summarise_fleet
+from wzsumo.output import parquet_bytes
+from wzsumo.planning.plan import Plan, PlanStatus
+from wzsumo.sensing.equipped import choose_equipped
+from wzsumo.simulation.files import write_sumo_files
+from wzsumo.simulation.fleet import simulate_fleet
+from wzsumo.study.assessment import assess
+from wzsumo.study.case import drive_plan, map_of_zone, plan_for, quiet_progress
+from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
+from wzsumo.study.mapping_methods import Crowd, learn_from
+from wzsumo.study.scenario import Scenario
+from wzsumo.study.site import Site, prepare_site
+from wzsumo.study.study_case import StudyCase
+
+_FLEET = b"fleet"  # key of the fleet's summary in the Parquet file
+_ONE_SIMULATION = threading.Lock()  # libsumo allows one a process, and a Dask worker may run several threads
+
+
+def simulate(scenario: Scenario) -> bytes:
+    """A Parquet file with the true traces over the zone, and the fleet's summary in its metadata."""
+    layout = scenario.layout()
+    with _ONE_SIMULATION, _in_processor_seconds() as spent, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
+        files = write_sumo_files(layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
+        fleet = simulate_fleet(files, on_second=lambda _time: None)
+    summary = asdict(summarise_fleet(fleet, layout)) | {"simulation_cpu_s": spent[0]}
+    table = pa.Table.from_pandas(traces_over_zone(fleet, layout), preserve_index=False)
+    metadata = dict(table.schema.metadata or {}) | {_FLEET: json.dumps(summary).encode()}
+    return parquet_bytes(table.replace_schema_metadata(metadata))
+
+
+def evaluate(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
+    """One row a case, on the fleet that `simulate` gave for all of them; those of one crowd should be neighbours.
+
+    A case that cannot be, such as one that asks for more traces than the fleet gives, has status REFUSED and the reason.
+    """
+    over_zone, fleet = read_simulated(simulated)
+    shared = _Shared(over_zone)
+    rows = []
+    for case in cases:
+        with _in_processor_seconds() as spent:
+            try:
+                row = _row(case, shared) | {"status": "DONE"}
+            except InputError as error:
+                row = {"status": "REFUSED", "reason": str(error)}
+        known = {"case": case.id, "n_passed": fleet["n_passed"], "fleet_mean_speed_mps": fleet["mean_speed_activity_mps"]}
+        rows.append(known | row | {"case_cpu_s": spent[0]})
+    return rows
+
+
+def read_simulated(simulated: bytes) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """The traces over the zone and the fleet's summary. Raises OSError where a byte of the file is not as it was written."""
+    table = pq.read_table(io.BytesIO(simulated), page_checksum_verification=True)
+    return table.to_pandas(), json.loads(table.schema.metadata[_FLEET])
+
+
+class _Shared:
+    """What neighbouring cases have in common, kept for the next: the site, the crowd with its mixture, the times of passing."""
+
+    def __init__(self, over_zone: pd.DataFrame) -> None:
+        self._over_zone = over_zone
+        self._site: tuple[str, Site] | None = None
+        self._crowd: tuple[str, Crowd] | None = None
+        self.passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
+
+    def site_of(self, scenario: Scenario) -> Site:
+        key = scenario.model_dump_json(include={"road", "work_zone", "route", "map", "vehicle"})
+        if self._site is None or self._site[0] != key:
+            self._site = (key, prepare_site(scenario))
+        return self._site[1]
+
+    def crowd_of(self, case: StudyCase) -> Crowd:
+        if self._crowd is None or self._crowd[0] != case.crowd:
+            used = reported_traces(self._over_zone, case.scenario, which="used")
+            self._crowd = (case.crowd, learn_from(used, spec=case.scenario.mixture, seed=case.scenario.seed))
+        return self._crowd[1]
+
+
+def _row(case: StudyCase, shared: _Shared) -> dict[str, Any]:
+    scenario, site = case.scenario, shared.site_of(case.scenario)
+    crowd = shared.crowd_of(case)
+    grid = map_of_zone(case.method, crowd, scenario=scenario, site=site)
+    plan = plan_for(case.method, grid, scenario=scenario, site=site)
+    run = _drive(plan, case, site) if case.drive else None
+    figures = assess(grid, plan, run, crowd=crowd, scenario=scenario, site=site)
+    planned, driven = figures.pop("planned") or {}, figures.pop("driven") or {}
+    figures |= {f"planned_{name}": value for name, value in planned.items()}
+    figures |= {f"driven_{name}": value for name, value in driven.items()}
+    if plan.path is not None and not case.drive:
+        figures |= {"outcome": None, "reason": ""}
+    return figures | {
+        "path_length_m": float(plan.path.arc_length[-1]) if plan.path else None,
+        "safe_plan": plan.status == PlanStatus.FOUND and _keeps_clear(planned),
+        **_collection(scenario, shared.passed_at_s),
+    }
+
+
+def _keeps_clear(planned: dict[str, float]) -> bool:
+    """Whether the outline along the planned path touches no device, no edge of the pavement and not the closed area."""
+    clearances = (planned["min_clearance_devices_m"], planned["min_clearance_road_edge_m"])
+    return min(clearances) > 0 and planned["closed_area_share"] == 0
+
+
+def _collection(scenario: Scenario, passed_at_s: pd.Series) -> dict[str, Any]:
+    """How many equipped vehicles passed, and how long it took until as many had passed as the map uses."""
+    equipped = choose_equipped(passed_at_s.index, penetration=scenario.crowd.penetration, seed=scenario.seed)
+    in_turn = passed_at_s[equipped].sort_values().to_numpy()
+    waited_s = in_turn[scenario.crowd.used - 1] - passed_at_s.min()
+    return {"n_equipped": len(equipped), "minutes_to_collect": float(waited_s) / 60}
+
+
+def _drive(plan: Plan, case: StudyCase, site: Site) -> EgoRun | None:
+    scenario = case.scenario
+    with _ONE_SIMULATION, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
+        files = write_sumo_files(site.layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
+        return drive_plan(plan, case.method, scenario=scenario, site=site, files=files, progress=quiet_progress)
+
+
+@contextmanager
+def _in_processor_seconds() -> Iterator[list[float]]:
+    """A list that holds the processor time [s] of the block once it is over."""
+    spent: list[float] = []
+    began = time.thread_time()
+    yield spent
+    spent.append(round(time.thread_time() - began, 4))
