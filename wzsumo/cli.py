@@ -65,35 +65,26 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
 
 def _run(args: argparse.Namespace) -> dict[str, Any]:
-    from wzsumo.study import cloud_verbs, verbs
+    from wzsumo.study import cloud_verbs, sweep_verbs, verbs
 
-    match args.command:
-        case "layout":
-            return verbs.lay_out_scenario(args.scenario, args.out)
-        case "capacity":
-            return verbs.capacity_of_scenario(args.scenario)
-        case "net":
-            return verbs.write_net(args.scenario, args.out)
-        case "run":
-            return verbs.run_scenario(args.scenario, args.out, seed=args.seed, methods=args.method)
-        case "map":
-            return verbs.map_traces(args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m)
-        case "plan":
-            return verbs.plan_on_map(args.map, args.out, start=args.start, goal=args.goal, speed_mps=args.speed_mps)
-        case "sweep":
-            from wzsumo.study import sweep_verbs
-
-            return sweep_verbs.sweep_study(
-                args.study, args.out, workers=args.workers, scheduler=args.scheduler, dry_run=args.dry_run
-            )
-        case "report":
-            return verbs.report_again(args.folder)
-        case "ground":
-            return cloud_verbs.label_ground(args.cloud, args.out, parameters=_given(args, SMRF_OPTIONS))
-        case "register":
-            return cloud_verbs.register_clouds(args.source, args.target, args.out)
-        case _:
-            return verbs.warm_up()
+    carry_out: dict[str, Callable[[], dict[str, Any]]] = {
+        "layout": lambda: verbs.lay_out_scenario(args.scenario, args.out),
+        "capacity": lambda: verbs.capacity_of_scenario(args.scenario),
+        "net": lambda: verbs.write_net(args.scenario, args.out),
+        "run": lambda: verbs.run_scenario(args.scenario, args.out, seed=args.seed, methods=args.method),
+        "map": lambda: verbs.map_traces(
+            args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m
+        ),
+        "plan": lambda: verbs.plan_on_map(args.map, args.out, start=args.start, goal=args.goal, speed_mps=args.speed_mps),
+        "sweep": lambda: sweep_verbs.sweep_study(
+            args.study, args.out, workers=args.workers, scheduler=args.scheduler, dry_run=args.dry_run
+        ),
+        "report": lambda: verbs.report_again(args.folder),
+        "ground": lambda: cloud_verbs.label_ground(args.cloud, args.out, parameters=_given(args, SMRF_OPTIONS)),
+        "register": lambda: cloud_verbs.register_clouds(args.source, args.target, args.out),
+        "warm": verbs.warm_up,
+    }
+    return carry_out[args.command]()
 
 
 def _parser() -> argparse.ArgumentParser:
