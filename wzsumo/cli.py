@@ -114,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
     sub = command("map", "make a ROS map (map.pgm, map.yaml) from anybody's traces", _TRACES)
     sub.add_argument("traces", type=Path, metavar="TRACES.(parquet|csv)")
     sub.add_argument("--out", type=Path, required=True, metavar="DIR")
-    sub.add_argument("--method", choices=["paper_literal", "paper", "swept", "lanes"], default="swept")
+    sub.add_argument("--method", choices=["paper_literal", "paper", "swept", "lanes"], default="lanes")
     sub.add_argument("--resolution-m", type=_positive, default=0.127, help="edge of a cell (default 0.127 m, 5 in)")
     sub.add_argument("--seed", type=_seed, default=1)
     sub = command("plan", "plan a path on any ROS map with Hybrid A*", _POSES)

@@ -118,7 +118,7 @@ def write_map(grid: OccupancyGrid, folder: Path, *, name: str = "map") -> Path:
 
     The image's first row is the map's top. Grey = 255 (1 - p): p comes back within 1/510.
     """
-    grey = np.round(255 * (1 - grid.p_occupied[::-1].astype(float))).astype(np.uint8)
+    grey = np.round(255 * (1 - grid.p_occupied[::-1])).astype(np.uint8)
     Image.fromarray(grey).save(folder / f"{name}.pgm")
     metadata = {
         "image": f"{name}.pgm",

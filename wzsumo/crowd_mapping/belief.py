@@ -1,5 +1,7 @@
 """p(occupied) of every cell from what a LaneStructure leaves uncertain: level, width and course of the lanes, ends of lanes."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
@@ -13,19 +15,23 @@ from wzsumo.road import Road
 SIDE_SD_M = 0.06  # of an edge, whatever the number of traces: drivers as a whole do not keep to the exact middle
 SEEN_BAND_M = 1.8  # half a lane: beyond it from the driven lanes nothing was observed
 CORRIDOR_M = 40.0  # beside the axis; farther cells are unknown without a closer look
+TILE_M = 16.0  # side of the squares of cells that are looked at together
 
 
-def belief(model: LaneStructure, grid: OccupancyGrid) -> OccupancyGrid:
-    """p(occupied) on the cells of `grid`; UNKNOWN away from where vehicles drove."""
-    rows, cols = np.indices(grid.shape)
-    centres = grid.centre_of(rows.ravel(), cols.ravel())
-    p = np.full(len(centres), UNKNOWN)
+def belief(model: LaneStructure, grid: OccupancyGrid, *, progress: Callable[[int, int], None] | None = None) -> OccupancyGrid:
+    """p(occupied) on the cells of `grid`; UNKNOWN away from where vehicles drove. `progress` is told (done, all)."""
+    p = np.full(grid.shape, UNKNOWN, dtype=np.float32)
     low, high = model.table.stations[[0, -1]]
-    corridor = _near_axis(model.axis, centres)
-    s, d = model.axis.to_sd(centres[corridor])
-    inside = (s >= low) & (s <= high)
-    p[np.flatnonzero(corridor)[inside]] = occupied(model, s[inside], d[inside])
-    return grid.with_p_occupied(np.clip(p, 0, 1).reshape(grid.shape))
+    tiles = _tiles_near(model.axis, grid)
+    for done, (rows, cols) in enumerate(tiles):
+        s, d = model.axis.to_sd(grid.centre_of(rows[:, None], cols[None, :]))
+        inside = (s >= low) & (s <= high)
+        values = np.full(s.shape, UNKNOWN)
+        values[inside] = occupied(model, s[inside], d[inside])
+        p[np.ix_(rows, cols)] = np.clip(values, 0, 1).reshape(len(rows), len(cols))
+        if progress:
+            progress(done + 1, len(tiles))
+    return grid.with_p_occupied(p)
 
 
 def occupied(model: LaneStructure, s: FloatArray, d: FloatArray) -> FloatArray:
@@ -71,7 +77,17 @@ def _beyond(
     return chance, count
 
 
-def _near_axis(axis: Road, points: FloatArray) -> npt.NDArray[np.bool_]:
-    """Points (n,) within some lanes of the axis, by a coarse look at its own points."""
-    distance, _ = cKDTree(axis.reference_line).query(points, distance_upper_bound=CORRIDOR_M)
-    return np.asarray(np.isfinite(distance))
+def _tiles_near(axis: Road, grid: OccupancyGrid) -> list[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]]:
+    """Rows and columns of square tiles of cells that may lie within CORRIDOR_M of the axis: a map is mostly empty."""
+    side = max(1, round(TILE_M / grid.resolution))
+    first_rows, first_cols = np.arange(0, grid.shape[0], side), np.arange(0, grid.shape[1], side)
+    middles = grid.centre_of(first_rows[:, None] + side / 2, first_cols[None, :] + side / 2).reshape(-1, 2)
+    reach = CORRIDOR_M + side * grid.resolution
+    distance, _ = cKDTree(axis.reference_line).query(middles, distance_upper_bound=reach)
+    return [
+        (np.arange(row, min(row + side, grid.shape[0])), np.arange(col, min(col + side, grid.shape[1])))
+        for row, col in (
+            (first_rows[at // len(first_cols)], first_cols[at % len(first_cols)])
+            for at in np.flatnonzero(np.isfinite(distance))
+        )
+    ]

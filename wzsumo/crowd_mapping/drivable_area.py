@@ -5,7 +5,6 @@ import math
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
-from scipy.ndimage import distance_transform_edt
 
 from wzsumo.crowd_mapping.mixture import Mixture
 from wzsumo.frames import FloatArray
@@ -13,6 +12,7 @@ from wzsumo.grid import UNKNOWN, OccupancyGrid
 from wzsumo.spec import Spec
 
 BoolArray = npt.NDArray[np.bool_]
+CELLS_AT_ONCE = 1_000_000  # of one stretch: a diagonal one on a fine map would need gigabytes
 
 
 class MixtureSpec(Spec):
@@ -80,26 +80,23 @@ def swept_map(mixture: Mixture, *, half_width_m: float, spec: MixtureSpec, grid:
     would overshoot a kink of the lane by a fifth of that), and across as wide as the ellipse of `mass_share`, but taken to be
     at least `driver_sd_m` wide: a few traces cannot show how drivers scatter, and one alone gives a width of nothing.
     """
-    inside = np.zeros(grid.shape, dtype=bool)
+    free = np.zeros(grid.shape, dtype=bool)
     across = math.sqrt(-2 * math.log(1 - spec.mass_share))
     for mean, covariance in zip(mixture.means, mixture.covariances, strict=True):
         variances, axes = np.linalg.eigh(covariance)  # ascending: across, along
         half = np.array([across, math.sqrt(3)]) * np.maximum(np.sqrt(np.maximum(variances, 0)), spec.driver_sd_m)
-        _mark_stretch(inside, grid, mean=mean, axes=axes, half=half)
-    if not inside.any():
-        return grid.with_p_occupied(np.full(grid.shape, UNKNOWN))
-    distance = distance_transform_edt(~inside, sampling=grid.resolution)
-    # The distance is counted from centres of cells inside, whose outer edges lie half a cell farther out.
-    swept = distance <= half_width_m - grid.resolution / 2
-    return grid.with_p_occupied(np.where(swept, 0.0, UNKNOWN))
+        _mark_stretch(free, grid, mean=mean, axes=axes, half=half, around=half_width_m)
+    return grid.with_p_occupied(np.where(free, np.float32(0.0), np.float32(UNKNOWN)))
 
 
-def _mark_stretch(inside: BoolArray, grid: OccupancyGrid, *, mean: FloatArray, axes: FloatArray, half: FloatArray) -> None:
-    """Set the cells whose centre lies in the rectangle of half sides `half` (2,) along the columns of `axes`."""
-    extent = np.abs(axes) @ half
+def _mark_stretch(
+    free: BoolArray, grid: OccupancyGrid, *, mean: FloatArray, axes: FloatArray, half: FloatArray, around: float
+) -> None:
+    """Set the cells whose centre lies within `around` of the rectangle of half sides `half` (2,) along the columns of axes."""
+    extent = np.abs(axes) @ half + around
     (row_0, row_1), (col_0, col_1) = grid.cell_of([mean - extent, mean + extent])
     rows = np.arange(max(row_0, 0), min(row_1 + 1, grid.shape[0]))
     cols = np.arange(max(col_0, 0), min(col_1 + 1, grid.shape[1]))
-    if rows.size and cols.size:
-        local = (grid.centre_of(rows[:, None], cols[None, :]) - mean) @ axes
-        inside[np.ix_(rows, cols)] |= (np.abs(local) <= half).all(axis=-1)
+    for part in np.array_split(rows, max(1, rows.size * cols.size // CELLS_AT_ONCE)):
+        local = (grid.centre_of(part[:, None], cols[None, :]) - mean) @ axes
+        free[np.ix_(part, cols)] |= np.hypot(*np.maximum(np.abs(local) - half, 0.0).transpose(2, 0, 1)) <= around

@@ -1,5 +1,6 @@
 """The lane-structured crowd map: traces in, p(occupied) out, with the model behind it and figures about it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import pandas as pd
@@ -22,15 +23,22 @@ class LaneStructuredMap:
 
 
 def lane_structured_map(
-    traces: pd.DataFrame, *, spec: LaneStructureSpec, grid: OccupancyGrid, seed: int, nominal: Road | None = None
+    traces: pd.DataFrame,
+    *,
+    spec: LaneStructureSpec,
+    grid: OccupancyGrid,
+    seed: int,
+    nominal: Road | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> LaneStructuredMap:
     """The lane-structured map of a trace table on the cells of `grid`, whose values are not used.
 
     `nominal` is the road's line where a map has one. The fit draws no random numbers; the seed is for the common interface.
+    `progress` is told (done, all).
     """
     del seed
     model = fit_lane_structure(traces, spec=spec, nominal=nominal)
-    return LaneStructuredMap(grid=belief(model, grid), model=model, report=describe(model))
+    return LaneStructuredMap(grid=belief(model, grid, progress=progress), model=model, report=describe(model))
 
 
 def describe(model: LaneStructure) -> dict[str, object]:

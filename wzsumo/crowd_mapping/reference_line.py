@@ -16,6 +16,9 @@ KNOT_SPACING_M = 300.0
 POINT_SPACING_M = 5.0
 ROUNDS = 3  # the axis moves by less than 1 cm in the third round on bends of 300 m radius
 AXIS_FIXES = 100_000  # taken, evenly, for the axis: some per metre and lane of any zone
+TEMPLATES = 6  # of the longest traces, tried as the road
+LOOKS = 12  # fixes of a trace that tell whether it follows another
+BESIDE_M = 20.0  # five lanes
 MIN_EXTENT_M = 50.0  # a shorter trace says nothing about a road's direction
 
 
@@ -25,22 +28,44 @@ def axis_of(line: FloatArray) -> Road:
 
 
 def reference_line_from_traces(traces: pd.DataFrame) -> Road:
-    """The axis in the direction of travel that the traces of a trace table follow, along the longest of them at first.
+    """The axis that most traces of a trace table follow, in the direction in which most of them drive.
 
     Its lateral place among the lanes is arbitrary. Raises TraceError where no trace is long enough.
     """
     by_vehicle = [xy for _, group in traces.groupby("vehicle_id", sort=True) if len(xy := group[["x_m", "y_m"]].to_numpy()) > 1]
-    extent = [float(np.hypot(*np.ptp(xy, axis=0))) for xy in by_vehicle]
-    if not extent or max(extent) < MIN_EXTENT_M:
+    extent = np.array([float(np.hypot(*np.ptp(xy, axis=0))) for xy in by_vehicle])
+    longest = np.argsort(-extent, kind="stable")[:TEMPLATES]
+    if not len(extent) or extent[longest[0]] < MIN_EXTENT_M:
         raise TraceError(
-            f"the longest of {traces['vehicle_id'].nunique()} traces extends over {max(extent, default=0.0):.1f} m; "
+            f"the longest of {traces['vehicle_id'].nunique()} traces extends over {extent.max(initial=0.0):.1f} m; "
             f"a road's line needs one of at least {MIN_EXTENT_M:g} m; check that the coordinates are metres"
         )
-    axis = axis_of(_smooth(by_vehicle[int(np.argmax(extent))]))
+    looks = [xy[np.unique(np.linspace(0, len(xy) - 1, LOOKS).astype(int))] for xy in by_vehicle]
+    # The longest trace may be the one that went elsewhere, or the wrong way: what others follow is the road.
+    axis = max(
+        (axis_of(_smooth(by_vehicle[i])) for i in longest if extent[i] > MIN_EXTENT_M),
+        key=lambda axis: _followers(axis, looks)[0],
+    )
+    if _followers(axis, looks)[1] < 0:
+        axis = axis_of(axis.reference_line[::-1])
     points = traces[["x_m", "y_m"]].to_numpy()[:: max(1, len(traces) // AXIS_FIXES)]
     for _ in range(ROUNDS):
         axis = axis_of(_recentred(axis, points))
     return axis
+
+
+def _followers(axis: Road, looks: list[FloatArray]) -> tuple[float, float]:
+    """(how far traces lie along the axis, beside it at most BESIDE_M; how far they advance), summed over traces [m]."""
+    starts = np.cumsum([0, *(len(look) for look in looks)])
+    s, d = axis.to_sd(np.vstack(looks))
+    near = (np.abs(d) < BESIDE_M) & (s >= 0) & (s <= axis.length)
+    along = advance = 0.0
+    for first, end in pairwise(starts):
+        beside = s[first:end][near[first:end]]
+        if len(beside) > 1:
+            along += float(np.ptp(beside))
+            advance += float(beside[-1] - beside[0])
+    return along, advance
 
 
 def _smooth(trace: FloatArray) -> FloatArray:

@@ -13,22 +13,19 @@ from tqdm import tqdm
 
 from wzsumo.crowd_mapping.drivable_area import MixtureSpec
 from wzsumo.errors import InputError, MapError, SpecError
-from wzsumo.grid import FREE_THRESHOLD, blank_grid, read_map, write_map
+from wzsumo.grid import FREE_THRESHOLD, blank_grid, read_map
 from wzsumo.output import staged_folder
 from wzsumo.planning.plan import PlannerSpec, plan_path
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.study.case import run_case
 from wzsumo.study.figures import draw_zone
+from wzsumo.study.foreign_traces import map_foreign_traces
 from wzsumo.study.layout_files import layout_geojson, write_layout
 from wzsumo.study.mapping_methods import MAP_METHODS, learn_from
 from wzsumo.study.report import write_report
 from wzsumo.study.result_folder import ResultFolder
 from wzsumo.study.scenario import load_scenario
-from wzsumo.traces_file import read_traces
 from wzsumo.vehicle import VehicleGeometry
-
-MAP_MARGIN_M = 10.0  # around the traces
-LARGEST_SPAN_M = 20_000.0  # of a trace file; lat/lon pretending to be metres, or two places, give themselves away
 
 Figures = dict[str, Any]
 
@@ -83,37 +80,8 @@ def run_scenario(scenario: Path, out: Path, *, seed: int | None, methods: list[s
 
 
 def map_traces(traces: Path, out: Path, *, method: str, seed: int, resolution_m: float) -> Figures:
-    """Write map.pgm and map.yaml of anybody's traces; what they are made of."""
-    table = read_traces(traces)
-    points = table[["x_m", "y_m"]].to_numpy(dtype=float)
-    span = np.ptp(points, axis=0)
-    if span.max() > LARGEST_SPAN_M:
-        raise InputError(
-            f"{traces}: the fixes spread over {span.max() / 1000:.0f} km; a map holds one zone of at most "
-            f"{LARGEST_SPAN_M / 1000:.0f} km: cut the file, and give x_m, y_m in metres of a local frame"
-        )
-    if span.max() < 1.0:
-        raise InputError(
-            f"{traces}: all fixes lie within {span.max():.4f} m; a map needs vehicles that move, in metres (not degrees)"
-        )
-    spec = MixtureSpec()
-    bounds = (*(points.min(axis=0) - MAP_MARGIN_M), *(points.max(axis=0) + MAP_MARGIN_M))
-    cells = blank_grid(tuple(map(float, bounds)), resolution=resolution_m, p_occupied=1.0)  # type: ignore[arg-type]
-    half_width = float(table["width_m"].median()) / 2 if "width_m" in table else VehicleGeometry().width_m / 2
-    with progress_bar("mixtures", 2 * spec.k_max) as tell:
-        crowd = learn_from(table, spec=spec, seed=seed, progress=lambda done, _: tell(done))
-    grid = MAP_METHODS[method](crowd, spec=spec, cells=cells, half_width_m=half_width, seed=seed)
-    with staged_folder(out) as stage:
-        write_map(grid, stage)
-    return {
-        "map": str(out / "map.yaml"),
-        "method": method,
-        "n_traces": int(table["vehicle_id"].nunique()),
-        "n_fixes": len(table),
-        "n_components": crowd.mixture.n_components,
-        "free_m2": float(grid.free.sum() * resolution_m**2),
-        "vehicle_width_m": 2 * half_width,
-    }
+    """Write map.pgm and map.yaml of anybody's traces; what they are made of and what was left out."""
+    return map_foreign_traces(traces, out, method=method, seed=seed, resolution_m=resolution_m, progress=progress_bar)
 
 
 def plan_on_map(map_yaml: Path, out: Path, *, start: list[float], goal: list[float], speed_mps: float) -> Figures:
