@@ -6,6 +6,7 @@ from builders import paper_layout
 
 from wzsumo.errors import SpecError
 from wzsumo.simulation.demand import DemandSpec, write_demand
+from wzsumo.simulation.files import SimulationSpec
 from wzsumo.simulation.network import edges_of
 from wzsumo.spec import parse_spec
 
@@ -47,6 +48,18 @@ def test_number_of_vehicles_is_poisson_with_the_flow(tmp_path, flow_vph):
     assert abs(count - mean) <= 5 * np.sqrt(mean)
 
 
+def test_arrivals_follow_the_flow_profile(tmp_path):
+    profile = ((0, 600), (1800, 2400))
+    departs = np.array([float(v.get("depart")) for v in vehicles(demand(tmp_path, flow_profile=profile, duration_s=3600))])
+    for count, mean in (((departs < 1800).sum(), 300), ((departs >= 1800).sum(), 1200)):
+        assert abs(count - mean) <= 5 * np.sqrt(mean)
+
+
+def test_profile_of_one_flow_gives_the_same_bytes_as_that_flow(tmp_path):
+    constant = demand(tmp_path, flow_vph=900).read_bytes()
+    assert demand(tmp_path, flow_profile=((0, 900), (400, 900))).read_bytes() == constant
+
+
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.4])
 def test_share_of_trucks_is_binomial(tmp_path, share):
     types = [v.get("type") for v in vehicles(demand(tmp_path, truck_share=share, duration_s=7200))]
@@ -83,6 +96,29 @@ def test_drivers_begin_to_merge_within_the_given_distances(tmp_path):
     assert 350 < max(ahead) < 401
 
 
+def test_drivers_of_a_table_set_the_vehicle_types(tmp_path):
+    table = {"tau_s": 1.7, "accel_mps2": 1.1, "truck_tau_s": 3.1, "truck_accel_mps2": 0.6, "sigma": 0.3, "lc_assertive": 1.2}
+    types = ET.parse(demand(tmp_path, drivers=table)).getroot().findall("vType")  # noqa: S314 our own file
+    values = {t.get("vClass"): [t.get(k) for k in ("tau", "accel", "sigma", "lcAssertive")] for t in types}
+    assert values == {"passenger": ["1.7", "1.1", "0.3", "1.2"], "truck": ["3.1", "0.6", "0.3", "1.2"]}
+
+
+def test_nobody_brakes_harder_than_the_service_brake(tmp_path):
+    types = ET.parse(demand(tmp_path)).getroot().findall("vType")  # noqa: S314 our own file
+    assert {(t.get("vClass"), t.get("decel"), t.get("emergencyDecel")) for t in types} == {
+        ("passenger", "4.5", "4.5"),
+        ("truck", "4", "4"),
+    }
+
+
+@pytest.mark.parametrize("key", ["step_length_s", "lateral_resolution_m"])
+def test_drivers_refuse_a_step_or_a_lateral_model_that_they_were_not_calibrated_with(key):
+    fitted = {"name": "fitted", "calibrated_step_length_s": 0.1, "calibrated_lateral_resolution_m": 0.45}
+    parse_spec(SimulationSpec, {"demand": {"drivers": fitted}}, source="simulation")
+    with pytest.raises(SpecError, match=rf'{key}=0\.2 does not go with drivers "fitted", .* set {key} = 0\.'):
+        parse_spec(SimulationSpec, {key: 0.2, "demand": {"drivers": fitted}}, source="simulation")
+
+
 @pytest.mark.parametrize(
     ("changes", "rule"),
     [
@@ -91,6 +127,11 @@ def test_drivers_begin_to_merge_within_the_given_distances(tmp_path):
         ({"lane_use": [0.5, 0.6]}, r"lane_use=\(0\.5, 0\.6\) must be shares"),
         ({"merge_ahead_m": [400, 100]}, r"merge_ahead_m=\(400\.0, 100\.0\) must be \[nearest, farthest\]"),
         ({"flow": 1000}, "flow: unknown key .*flow_vph"),
+        ({"flow_profile": [[60, 900]]}, r"flow_profile=\(\(60\.0, 900\.0\),\) must be pairs of a time"),
+        ({"flow_profile": [[0, 900], [60, 0]]}, "flow_profile=.* a flow above 0 veh/h"),
+        ({"drivers": "aggressive"}, "drivers='aggressive': unknown drivers; known presets: uncalibrated"),
+        ({"drivers": {"tau_s": 0}}, "drivers.tau_s=0"),
+        ({"drivers": {"tau": 1}}, "drivers.tau: unknown key .*tau_s"),
     ],
 )
 def test_demand_that_cannot_be_is_refused(changes, rule):

@@ -54,6 +54,11 @@ def test_no_vehicle_reaches_deeper_than_10_cm_into_the_closed_area(traces):
     assert inside.mean() < 0.002
 
 
+def test_no_driver_brakes_harder_than_the_service_brake_among_drivers(traces):
+    speed_change = traces.groupby("vehicle_id")["speed_mps"].diff() / 0.1
+    assert speed_change.min() > -4.5 - 0.02  # SUMO logs speeds to 1 mm/s
+
+
 def test_vehicles_beside_the_activity_area_stay_within_the_open_lanes(traces):
     area = LAYOUT.area("activity area")
     beside = traces[traces["x_m"].between(area.start + 10, area.end - 10)]

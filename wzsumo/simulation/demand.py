@@ -9,8 +9,10 @@ from typing import Self
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from wzsumo.frames import FloatArray
+from wzsumo.simulation.drivers import DRIVER_PRESETS, UNCALIBRATED, DriverSpec
 from wzsumo.simulation.network import Edge, write_xml
 from wzsumo.spec import Spec
 
@@ -21,6 +23,7 @@ class DemandSpec(Spec):
     flow_vph: float = Field(
         1500.0, gt=0
     )  # all lanes together; well below what two open lanes discharge (HCM 7: about 1,800 pc/h each)
+    flow_profile: tuple[tuple[float, float], ...] = ()  # (from this time [s], veh/h) instead of one flow_vph throughout
     truck_share: float = Field(0.10, ge=0, lt=1)  # of the order of the HCM's default for freeways
     lane_use: tuple[float, ...] = ()  # share of vehicles by lane at the road's start from the right; empty: even
     duration_s: float = Field(1200.0, gt=0)
@@ -28,13 +31,28 @@ class DemandSpec(Spec):
     lateral_sd_m: float = Field(0.2, ge=0, le=1)  # of the place in the lane that a driver aims at
     lateral_wander: float = Field(0.08, ge=0)  # SUMO lcSigma, of one driver
     # Drivers begin to look for a gap uniformly this far ahead of the closing lane's end. From 27 m/s at 4.5 m/s2 nobody can
-    # stop there from less than about 80 m. At 100 m some late mergers still brake at 9 m/s2 (SUMO's warnings on stderr).
+    # stop there from less than about 80 m.
     merge_ahead_m: tuple[float, float] = (100.0, 500.0)
+    drivers: DriverSpec = UNCALIBRATED  # in a file: the name of a preset, or a table of DriverSpec's keys
+
+    @field_validator("drivers", mode="before")
+    @classmethod
+    def _preset_of_that_name(cls, given: object) -> object:
+        if isinstance(given, str):
+            if given not in DRIVER_PRESETS:
+                raise ValueError(f"unknown drivers; known presets: {', '.join(DRIVER_PRESETS)}; or give a table of keys")
+            return DRIVER_PRESETS[given]
+        return given
 
     @model_validator(mode="after")
     def _lane_use_is_a_share(self) -> Self:
         if self.lane_use and (min(self.lane_use) < 0 or abs(sum(self.lane_use) - 1) > 1e-6):
             raise ValueError(f"lane_use={self.lane_use} must be shares of 0 or more that add up to 1")
+        times = [time for time, _ in self.flow_profile]
+        if times and (times[0] != 0 or times != sorted(set(times)) or min(flow for _, flow in self.flow_profile) <= 0):
+            raise ValueError(
+                f"flow_profile={self.flow_profile} must be pairs of a time [s], rising from 0, and a flow above 0 veh/h"
+            )
         if not 0 < self.merge_ahead_m[0] <= self.merge_ahead_m[1]:
             raise ValueError(f"merge_ahead_m={self.merge_ahead_m} must be [nearest, farthest] in metres above 0")
         return self
@@ -42,6 +60,10 @@ class DemandSpec(Spec):
 
 CAR = {"length_m": 4.8, "width_m": 1.85}  # SUMO "passenger": 5 m; mean US fleet about 4.8 x 1.85 m
 TRUCK = {"length_m": 12.0, "width_m": 2.5}  # SUMO "truck" 7.1 x 2.4 m; US single-unit to semi-trailer mix
+# SUMO's default for cars; a loaded truck. Nobody brakes harder: with SUMO's emergencyDecel of 9 m/s2 drivers who merge across
+# the short edges of a taper brake at 9 m/s2 for a single step of 0.1 s with nobody ahead (SUMO 1.28, SL2015; 26 times among
+# 1105 vehicles). Without it the same fleets have no overlap, nobody in the closed area and the same places of merging.
+CAR_DECEL_MPS2, TRUCK_DECEL_MPS2 = 4.5, 4.0
 LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right (LC2013, SL2015), twice to the left
 N_DRIVERS = 60  # vTypes a class: each has its own place in the lane and its own habit of merging
 
@@ -57,10 +79,10 @@ def write_demand(edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, spe
         for number in range(N_DRIVERS):
             ET.SubElement(root, "vType", _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, rng=rng))
     ET.SubElement(root, "route", id="through", edges=" ".join(edge.id for edge in edges))
-    departures = np.cumsum(rng.exponential(3600 / spec.flow_vph, size=_enough(spec)))
+    departures = _departures(spec, rng)
     n_lanes = len(edges[0].lanes)
     shares = np.array(spec.lane_use or (1 / n_lanes,) * n_lanes)
-    for number, time in enumerate(departures[departures < spec.duration_s]):
+    for number, time in enumerate(departures):
         is_truck = bool(rng.random() < spec.truck_share)
         lane, driver = int(rng.choice(n_lanes, p=shares)), int(rng.integers(N_DRIVERS))
         if is_truck and n_lanes > 2:
@@ -74,9 +96,15 @@ def write_demand(edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, spe
     return path
 
 
-def _enough(spec: DemandSpec) -> int:
-    mean = spec.flow_vph * spec.duration_s / 3600
-    return int(mean + 8 * np.sqrt(mean) + 10)  # eight standard deviations of a Poisson count
+def _departures(spec: DemandSpec, rng: np.random.Generator) -> FloatArray:
+    """Times [s] of Poisson arrivals: where a unit Poisson process falls on the count of vehicles expected up to each time."""
+    starts, flows = np.array(spec.flow_profile or [(0.0, spec.flow_vph)]).T
+    times = np.append(starts, max(spec.duration_s, starts[-1] + 1.0))
+    expected = np.concatenate([[0.0], np.cumsum(flows / 3600 * np.diff(times))])
+    mean = float(np.interp(spec.duration_s, times, expected))
+    enough = int(mean + 8 * np.sqrt(mean) + 10)  # eight standard deviations of a Poisson count
+    departures = np.interp(np.cumsum(rng.exponential(size=enough)), expected, times, right=np.inf)
+    return np.asarray(departures[departures < spec.duration_s])
 
 
 def _driver(
@@ -93,6 +121,13 @@ def _driver(
         "lcSigma": str(spec.lateral_wander),
         "lcStrategic": f"{rng.uniform(*spec.merge_ahead_m) / (LOOK_AHEAD_S * speed):.3f}",
     }
-    if kind == "truck":
-        driver |= {"accel": "1.0", "decel": "4.0"}  # loaded truck; cars keep SUMO's defaults
-    return driver
+    truck, drivers = kind == "truck", spec.drivers
+    decel = TRUCK_DECEL_MPS2 if truck else CAR_DECEL_MPS2
+    return driver | {
+        "tau": f"{drivers.truck_tau_s if truck else drivers.tau_s:g}",
+        "accel": f"{drivers.truck_accel_mps2 if truck else drivers.accel_mps2:g}",
+        "decel": f"{decel:g}",
+        "emergencyDecel": f"{decel:g}",
+        "sigma": f"{drivers.sigma:g}",
+        "lcAssertive": f"{drivers.lc_assertive:g}",
+    }

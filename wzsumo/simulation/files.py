@@ -2,18 +2,19 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 from xml.etree import ElementTree as ET
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from shapely.geometry.base import BaseGeometry
 
 from wzsumo.simulation.demand import DemandSpec, write_demand
+from wzsumo.simulation.drivers import UNCALIBRATED
 from wzsumo.simulation.network import Edge, edges_of, write_network, write_xml
 from wzsumo.spec import Spec
 from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
 
-SUBLANE_WIDTH_M = 0.45  # lateral resolution: an eighth of a 12 ft lane
 DRAWN_TO_M = 0.01  # of a device's outline
 _AREA_COLOURS = {"closed_area": "230,159,0,120", "drivable": "0,158,115,60"}  # Okabe-Ito orange, green
 
@@ -22,7 +23,20 @@ class SimulationSpec(Spec):
     """How SUMO runs."""
 
     step_length_s: float = Field(0.1, gt=0, le=1)  # one action of every driver; FCD at the same 10 Hz
+    lateral_resolution_m: float = Field(0.45, ge=0.1, le=2)  # SUMO's sublanes: an eighth of a 12 ft lane
     demand: DemandSpec = DemandSpec()
+
+    @model_validator(mode="after")
+    def _drivers_are_calibrated_for_this(self) -> Self:
+        drivers = self.demand.drivers
+        for key in ("step_length_s", "lateral_resolution_m"):
+            fitted, given = getattr(drivers, f"calibrated_{key}"), getattr(self, key)
+            if fitted is not None and fitted != given:
+                raise ValueError(
+                    f'{key}={given:g} does not go with drivers "{drivers.name}", which were calibrated at {key}={fitted:g} '
+                    f'and discharge otherwise at any other; set {key} = {fitted:g} or drivers = "{UNCALIBRATED.name}"'
+                )
+        return self
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +60,7 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
         "input": {"net-file": net.name, "route-files": routes.name, "additional-files": additional.name},
         "time": {"begin": "0", "end": f"{spec.demand.duration_s:g}", "step-length": f"{spec.step_length_s:g}"},
         "processing": {
-            "lateral-resolution": str(SUBLANE_WIDTH_M),
+            "lateral-resolution": f"{spec.lateral_resolution_m:g}",
             "time-to-teleport": "-1",  # a vehicle that cannot go on waits: a teleport would be a trace through the devices
             "collision.action": "none",  # SUMO's records are not contact (minGap counts): overlap is computed by us
             "collision.check-junctions": "false",

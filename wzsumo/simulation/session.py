@@ -20,6 +20,7 @@ from wzsumo.simulation.installation import REMEDY
 from wzsumo.vehicle import VehicleGeometry
 
 EGO_ID = "ego"
+EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for cars
 _FREE_PLACEMENT = 2  # keepRoute of moveToXY: exactly where it is told, also beside the lanes (SUMO docs, TraCI moveToXY)
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
 
@@ -95,6 +96,9 @@ class Session:
         """From now on the ego goes where `place_ego` puts it and nowhere else."""
         self._sumo.vehicle.setSpeedMode(EGO_ID, 0)
         self._sumo.vehicle.setLaneChangeMode(EGO_ID, 0)
+        # Among themselves drivers never need more than their service brake; what a vehicle does that none of them is may.
+        for type_ in self._sumo.vehicletype.getIDList():
+            self._sumo.vehicletype.setEmergencyDecel(type_, EMERGENCY_DECEL_MPS2)
 
     def place_ego(self, state: EgoState, vehicle: VehicleGeometry) -> None:
         """Put the ego at `state` at the end of the coming step, which followers then see."""

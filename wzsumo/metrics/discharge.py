@@ -1,0 +1,80 @@
+"""Breakdown of a bottleneck and what it discharges afterwards, from counts and speeds a minute.
+
+As the Highway Capacity Manual uses the words: capacity is the highest 15-minute flow up to the breakdown, queue discharge is
+the mean flow while a queue waits upstream, the drop is what lies between them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from wzsumo.errors import InputError
+
+# A queue stands upstream where the speed stays down: below 60 % of the free one for 5 minutes, below 70 % for 10 more.
+# Speed thresholds of this size tell free from queued flow at freeway bottlenecks; the exact share moves the moment, hardly
+# the flows.
+BREAKDOWN_SHARE, QUEUED_SHARE = 0.6, 0.7
+BREAKDOWN_MIN, QUEUED_MIN = 5, 10
+SETTLING_MIN = 8  # from breakdown to the steady discharge of a queue
+CAPACITY_MIN = 15  # HCM 7: capacity is a 15-minute flow
+LEAST_DISCHARGE_MIN = 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Discharge:
+    """Flows of a bottleneck in the unit of its counts an hour; NaN where the series is too short or nothing broke down."""
+
+    breakdown_min: float  # minutes from the start of the series
+    capacity_per_h: float  # highest 15-minute flow up to breakdown
+    queue_discharge_per_h: float
+    n_discharge_min: int  # minutes behind the mean
+
+    @property
+    def drop(self) -> float:
+        """Share of the capacity that is lost once the queue stands."""
+        return 1 - self.queue_discharge_per_h / self.capacity_per_h
+
+
+def bottleneck_discharge(
+    counts: npt.ArrayLike, upstream_speed: npt.ArrayLike, *, free_speed: float, last_min: float = np.inf
+) -> Discharge:
+    """Breakdown and discharge from counts (n,) [1/min] in the bottleneck and mean speeds (n,) [m/s] a few hundred metres ahead.
+
+    A minute without a vehicle has the speed NaN and counts as free. Minutes from `last_min` on are left out.
+    """
+    count, speed = np.asarray(counts, dtype=float), np.asarray(upstream_speed, dtype=float)
+    if count.shape != speed.shape or count.ndim != 1:
+        raise InputError(f"counts {count.shape} and speeds {speed.shape} must be two series of the same minutes")
+    end = int(min(len(count), last_min))
+    count, slow = count[:end], np.where(np.isnan(speed), free_speed, speed)[:end] / free_speed
+    breakdown = _breakdown(slow)
+    if breakdown is None:
+        return Discharge(
+            breakdown_min=np.nan, capacity_per_h=_highest_flow(count), queue_discharge_per_h=np.nan, n_discharge_min=0
+        )
+    discharge = count[breakdown + SETTLING_MIN :]
+    long_enough = len(discharge) >= LEAST_DISCHARGE_MIN
+    return Discharge(
+        breakdown_min=float(breakdown),
+        capacity_per_h=_highest_flow(count[:breakdown]),
+        queue_discharge_per_h=float(60 * discharge.mean()) if long_enough else np.nan,
+        n_discharge_min=len(discharge) if long_enough else 0,
+    )
+
+
+def _breakdown(speed_share: npt.NDArray[np.float64]) -> int | None:
+    """First slow minute of the first 5 that are slow on average and that a queue of 10 more follows."""
+    window = BREAKDOWN_MIN + QUEUED_MIN
+    for first in range(len(speed_share) - window + 1):
+        slow, after = speed_share[first : first + BREAKDOWN_MIN], speed_share[first + BREAKDOWN_MIN : first + window]
+        if slow.mean() < BREAKDOWN_SHARE and after.mean() < QUEUED_SHARE:
+            return first + int(np.argmax(slow < QUEUED_SHARE))
+    return None
+
+
+def _highest_flow(count: npt.NDArray[np.float64]) -> float:
+    if len(count) < CAPACITY_MIN:
+        return float("nan")
+    totals = np.convolve(count, np.ones(CAPACITY_MIN), mode="valid")
+    return float(totals.max() * 60 / CAPACITY_MIN)
