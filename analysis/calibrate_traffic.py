@@ -38,7 +38,8 @@ LANES = {"2_to_1": (2, (1,)), "3_to_2": (3, (2,)), "3_to_1": (3, (2, 1))}
 TRUCK_SHARES = (0.0, 0.1)
 RAMP, STEP_S = np.arange(0.85, 1.2001, 0.05), 240.0  # of the HCM's capacity
 DURATION_S = 3480.0  # 32 min of rising demand, then 26 min of queue
-UPSTREAM_M = 370.0  # of the closing lane's end, where a queue is looked for
+STEADY, STEADY_S = 1.15, 1680.0  # for tuning: breaks down at once, tells the discharge in half the time but not the capacity
+UPSTREAM_M = 320.0  # of the closing lane's end, where a queue is looked for
 MINUTE_S = 60.0
 
 
@@ -53,6 +54,7 @@ def main() -> None:
     measuring.add_argument("--seeds", type=int, default=10)
     for key in ("tau", "accel", "truck-tau", "truck-accel", "sigma", "assertive"):
         measuring.add_argument(f"--{key}", type=float)
+    measuring.add_argument("--steady", action="store_true", help="for tuning: 115 % of the capacity for 28 minutes")
     measuring.add_argument("--merge-ahead", type=float, nargs=2, metavar=("NEAREST_M", "FARTHEST_M"))
     commands.add_parser("table")
     args = parser.parse_args()
@@ -63,43 +65,49 @@ def main() -> None:
         drivers = drivers_of(zone_class, args)
         for seed in range(args.first, args.first + args.seeds):
             for trucks in args.trucks:
-                row = measure(zone_class, drivers=drivers, trucks=trucks, seed=seed, merge_ahead=args.merge_ahead)
+                profile = ((0.0, STEADY),) if args.steady else tuple((k * STEP_S, float(r)) for k, r in enumerate(RAMP))
+                demand = DemandSpec(drivers=drivers, truck_share=trucks, duration_s=STEADY_S if args.steady else DURATION_S)
+                if args.merge_ahead:
+                    demand = demand.model_copy(update={"merge_ahead_m": tuple(args.merge_ahead)})
+                row = measure(zone_class, demand=demand, profile=profile, seed=seed)
                 append_row(row, args.out)
                 print(
                     {key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()}, file=sys.stderr
                 )
 
 
-def measure(zone_class: str, *, drivers: DriverSpec, trucks: float, seed: int, merge_ahead: list[float] | None) -> dict:
-    """One run: its discharge in passenger cars an hour and lane, and what SUMO counted."""
-    target = hcm(zone_class, trucks=trucks)
+def measure(zone_class: str, *, demand: DemandSpec, profile: tuple[tuple[float, float], ...], seed: int) -> dict:
+    """One run: its discharge in passenger cars an hour and lane, and what SUMO counted. `profile`: (s, share of capacity)."""
+    target, drivers = hcm(zone_class, trucks=demand.truck_share), demand.drivers
     total, closed = LANES[zone_class[:6]]
-    road = RoadSpec(lane_count=total, left_shoulder_ft=12, right_shoulder_ft=10, length_ft=6200 + 2200 * (len(closed) - 1))
-    zone = WorkZone(posted_speed_mph=SPEED_MPH, start_ft=2400, closed_lanes=closed, closed_shoulder="left", work_length_ft=500)
+    road = RoadSpec(lane_count=total, left_shoulder_ft=12, right_shoulder_ft=10, length_ft=5400 + 2200 * (len(closed) - 1))
+    zone = WorkZone(posted_speed_mph=SPEED_MPH, start_ft=1800, closed_lanes=closed, closed_shoulder="left", work_length_ft=500)
     layout = lay_out(zone, road.build())
-    merging = {"merge_ahead_m": tuple(merge_ahead)} if merge_ahead else {}
-    demand = DemandSpec(
-        flow_profile=tuple((k * STEP_S, float(r) * target.capacity_all_lanes_vph) for k, r in enumerate(RAMP)),
-        truck_share=trucks, duration_s=DURATION_S, drivers=drivers, **merging,
-    )  # fmt: skip
+    flows = tuple((time, share * target.capacity_all_lanes_vph) for time, share in profile)
+    demand = demand.model_copy(update={"flow_profile": flows})
     with tempfile.TemporaryDirectory() as folder:
         files = write_sumo_files(layout, Path(folder), spec=SimulationSpec(demand=demand), seed=seed)
         work = layout.area("activity area")
         last_open = max(edge.end for edge in files.edges if len(edge.lanes) > total - len(closed) and edge.end < work.start)
         stations = {"work": (work.start + work.end) / 2, "upstream": last_open - UPSTREAM_M}
-        flows, statistics, cpu_s = run_sumo(files, stations)
-    share = (flows["length"] - CAR["length_m"]) / (TRUCK["length_m"] - CAR["length_m"])
-    passenger_cars = flows["count"] * (1 + share.fillna(0.0)) / target.open_lanes
-    speed = flows["speed"].unstack("station")["upstream"]
+        minutes, statistics, cpu_s = run_sumo(files, stations)
+    share = (minutes["length"] - CAR["length_m"]) / (TRUCK["length_m"] - CAR["length_m"])
+    passenger_cars = minutes["count"] * (1 + share.fillna(0.0)) / target.open_lanes
+    speed = minutes["speed"].unstack("station")["upstream"]
     found = bottleneck_discharge(
-        passenger_cars.unstack("station")["work"], speed, free_speed=mps_from_mph(SPEED_MPH), last_min=DURATION_S / MINUTE_S
+        passenger_cars.unstack("station")["work"],
+        speed,
+        free_speed=mps_from_mph(SPEED_MPH),
+        last_min=demand.duration_s / MINUTE_S,
     )
     return {
-        "zone_class": zone_class, "trucks": trucks, "seed": seed, "tau_s": drivers.tau_s, "accel_mps2": drivers.accel_mps2,
-        "truck_tau_s": drivers.truck_tau_s, "truck_accel_mps2": drivers.truck_accel_mps2, "sigma": drivers.sigma,
-        "lc_assertive": drivers.lc_assertive, "merge_ahead_m": "-".join(f"{m:g}" for m in demand.merge_ahead_m),
+        "zone_class": zone_class, "trucks": demand.truck_share, "seed": seed, "tau_s": drivers.tau_s,
+        "accel_mps2": drivers.accel_mps2, "truck_tau_s": drivers.truck_tau_s, "truck_accel_mps2": drivers.truck_accel_mps2,
+        "sigma": drivers.sigma, "lc_assertive": drivers.lc_assertive,
+        "merge_ahead_m": "-".join(f"{m:g}" for m in demand.merge_ahead_m),
         "target_pcphpl": target.queue_discharge_pcphpl, "discharge_pcphpl": found.queue_discharge_per_h,
-        "capacity_pcphpl": found.capacity_per_h, "drop": found.drop, "breakdown_min": found.breakdown_min,
+        "capacity_pcphpl": found.peak_flow_per_h, "drop": found.drop, "breakdown_min": found.breakdown_min,
+        "upstream_speed_mps": float(speed.iloc[-15:].mean()),
         "off": found.queue_discharge_per_h / target.queue_discharge_pcphpl - 1, "cpu_s": cpu_s, **statistics,
     }  # fmt: skip
 

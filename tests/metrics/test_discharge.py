@@ -16,7 +16,7 @@ def series(*pieces):
 
 def test_capacity_and_discharge_are_the_flows_on_both_sides_of_the_breakdown():
     found = bottleneck_discharge(*series((20, 25, 1.0), (15, 30, 0.95), (8, 20, 0.3), (20, 26, 0.3)), free_speed=FREE)
-    assert found.capacity_per_h == 1800  # 30 a minute for the 15 minutes up to it
+    assert found.peak_flow_per_h == 1800  # 30 a minute for the 15 minutes up to it
     assert found.queue_discharge_per_h == 1560  # 26 a minute, the 8 settling minutes of 20 left out
     assert found.drop == pytest.approx(1 - 1560 / 1800)
     assert (found.breakdown_min, found.n_discharge_min) == (35, 20)
@@ -27,7 +27,7 @@ def test_slow_minutes_that_recover_are_no_breakdown():
     assert np.isnan(found.breakdown_min)
     assert np.isnan(found.queue_discharge_per_h)
     assert np.isnan(found.drop)
-    assert found.capacity_per_h == 1500
+    assert found.peak_flow_per_h == 1500
 
 
 def test_minutes_without_a_vehicle_count_as_free():
@@ -37,7 +37,7 @@ def test_minutes_without_a_vehicle_count_as_free():
 
 def test_queue_that_is_seen_for_too_short_gives_no_discharge():
     found = bottleneck_discharge(*series((20, 30, 1.0), (17, 20, 0.3)), free_speed=FREE)
-    assert found.capacity_per_h == 1800
+    assert found.peak_flow_per_h == 1800
     assert np.isnan(found.queue_discharge_per_h)
     assert found.n_discharge_min == 0
 

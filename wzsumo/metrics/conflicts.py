@@ -119,7 +119,7 @@ def conflicts_with_traffic(ego: pd.DataFrame, traffic: pd.DataFrame, *, dt: floa
     Both are trace tables with heading, speed, length and width, sampled on the clock k dt; the ego has one vehicle_id.
     `horizon_s` is the longest post-encroachment time that is looked for (5 s: beyond any threshold of conflict in use).
     """
-    own, others = _on_clock(ego, dt=dt, source="ego"), _on_clock(traffic, dt=dt, source="traffic")
+    own, others = on_clock(ego, dt=dt, source="ego"), on_clock(traffic, dt=dt, source="traffic")
     rows = []
     for vehicle_id, other in others.groupby("vehicle_id", sort=True):
         first, last = min(own["tick"].min(), other["tick"].min()), max(own["tick"].max(), other["tick"].max())
@@ -133,6 +133,19 @@ def conflicts_with_traffic(ego: pd.DataFrame, traffic: pd.DataFrame, *, dt: floa
         pet = post_encroachment_time(tracks[0], sizes[0], tracks[1], sizes[1], dt=dt, horizon_s=horizon_s)
         rows.append((vehicle_id, pet == 0, near.ttc.min(), near.drac.max(), pet))
     return pd.DataFrame(rows, columns=list(CONFLICT_COLUMNS))
+
+
+def on_clock(traces: pd.DataFrame, *, dt: float, source: str) -> pd.DataFrame:
+    """The traces in order with a column `tick`, time_s / dt. Raises InputError where they are not on the clock."""
+    table = check_traces(traces, source=source)
+    missing = [name for name in _NEEDED_COLUMNS if name not in table.columns]
+    if missing:
+        raise InputError(f"{source}: column(s) {', '.join(missing)} missing; conflicts need {', '.join(_NEEDED_COLUMNS)}")
+    table["tick"] = np.round(table["time_s"] / dt).astype(int)
+    off_clock = np.abs(table["tick"] * dt - table["time_s"]) > dt / 100
+    if off_clock.any() or table.duplicated(["vehicle_id", "tick"]).any():
+        raise InputError(f"{source}: time_s must be multiples of dt={dt} s, one row a vehicle and time; resample the traces")
+    return table
 
 
 def _meet(a: FloatArray, size_a: npt.ArrayLike, b: FloatArray, size_b: npt.ArrayLike) -> bool:
@@ -166,15 +179,3 @@ def _half_shadow(axes: FloatArray, heading: FloatArray, size: npt.ArrayLike) -> 
 def _velocity(poses: npt.ArrayLike, speed: npt.ArrayLike) -> FloatArray:
     heading = np.asarray(poses, dtype=float)[..., 2]
     return np.asarray(speed, dtype=float)[..., None] * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-
-
-def _on_clock(traces: pd.DataFrame, *, dt: float, source: str) -> pd.DataFrame:
-    table = check_traces(traces, source=source)
-    missing = [name for name in _NEEDED_COLUMNS if name not in table.columns]
-    if missing:
-        raise InputError(f"{source}: column(s) {', '.join(missing)} missing; conflicts need {', '.join(_NEEDED_COLUMNS)}")
-    table["tick"] = np.round(table["time_s"] / dt).astype(int)
-    off_clock = np.abs(table["tick"] * dt - table["time_s"]) > dt / 100
-    if off_clock.any() or table.duplicated(["vehicle_id", "tick"]).any():
-        raise InputError(f"{source}: time_s must be multiples of dt={dt} s, one row a vehicle and time; resample the traces")
-    return table

@@ -26,14 +26,14 @@ class Discharge:
     """Flows of a bottleneck in the unit of its counts an hour; NaN where the series is too short or nothing broke down."""
 
     breakdown_min: float  # minutes from the start of the series
-    capacity_per_h: float  # highest 15-minute flow up to breakdown
+    peak_flow_per_h: float  # highest 15-minute flow, up to the breakdown if there was one: then it is the capacity
     queue_discharge_per_h: float
     n_discharge_min: int  # minutes behind the mean
 
     @property
     def drop(self) -> float:
-        """Share of the capacity that is lost once the queue stands."""
-        return 1 - self.queue_discharge_per_h / self.capacity_per_h
+        """Share of the capacity that is lost once the queue stands, NaN where none does."""
+        return 1 - self.queue_discharge_per_h / self.peak_flow_per_h
 
 
 def bottleneck_discharge(
@@ -51,13 +51,13 @@ def bottleneck_discharge(
     breakdown = _breakdown(slow)
     if breakdown is None:
         return Discharge(
-            breakdown_min=np.nan, capacity_per_h=_highest_flow(count), queue_discharge_per_h=np.nan, n_discharge_min=0
+            breakdown_min=np.nan, peak_flow_per_h=_highest_flow(count), queue_discharge_per_h=np.nan, n_discharge_min=0
         )
     discharge = count[breakdown + SETTLING_MIN :]
     long_enough = len(discharge) >= LEAST_DISCHARGE_MIN
     return Discharge(
         breakdown_min=float(breakdown),
-        capacity_per_h=_highest_flow(count[:breakdown]),
+        peak_flow_per_h=_highest_flow(count[:breakdown]),
         queue_discharge_per_h=float(60 * discharge.mean()) if long_enough else np.nan,
         n_discharge_min=len(discharge) if long_enough else 0,
     )

@@ -36,14 +36,30 @@ def summarise_fleet(traces: pd.DataFrame, layout: WorkZoneLayout) -> FleetSummar
     activity = layout.area("activity area")
     there = table[(table["s"] >= activity.start) & (table["s"] <= activity.end)]
     passed = passages(traces, layout)
+    merges = merge_positions(table[table["vehicle_id"].isin(passed)], layout)
     return FleetSummary(
         n_vehicles=int(traces["vehicle_id"].nunique()),
         n_passed=len(passed),
         n_in_closed_area=_n_in_closed_area(table[(table["s"] > layout.start - 20) & (table["s"] < layout.end + 20)], layout),
         lateral_sd_m=_lateral_sd(there, layout, station=(activity.start + activity.end) / 2),
         mean_speed_activity_mps=float(there["speed_mps"].mean()),
-        merge_position_m=_merge_positions(table[table["vehicle_id"].isin(passed)], layout),
+        merge_position_m={f"q{q}": float(merges.quantile(q / 100)) for q in (10, 50, 90)} if len(merges) else {},
     )
+
+
+def merge_positions(table: pd.DataFrame, layout: WorkZoneLayout) -> pd.Series:
+    """Where each vehicle was last in a closing lane [m from the start of the first merging taper], by its id.
+
+    `table` has the traces with stations `s` and lateral offsets `d`; vehicles that never were in such a lane are left out.
+    """
+    starts = [area.start for area in layout.areas if area.name.startswith("merging taper")]
+    inside = np.zeros(len(table), dtype=bool)
+    d, s = table["d"].to_numpy(), table["s"].to_numpy()
+    for lane in layout.lanes:
+        if lane.start == 0 and lane.end < layout.end:
+            inside |= (d > lane.right(s)) & (d < lane.left(0.0)) & (s < lane.end)
+    last = table.loc[inside].groupby("vehicle_id")["s"].max()
+    return last - min(starts) if starts else last
 
 
 def _n_in_closed_area(near: pd.DataFrame, layout: WorkZoneLayout) -> int:
@@ -73,17 +89,3 @@ def _lateral_sd(there: pd.DataFrame, layout: WorkZoneLayout, *, station: float) 
     nearest = np.argmin(np.abs(mean[:, None] - centres), axis=1)
     medians = np.array([np.median(mean[nearest == k]) if (nearest == k).any() else 0.0 for k in range(len(centres))])
     return float(1.4826 * np.median(np.abs(mean - medians[nearest])))
-
-
-def _merge_positions(table: pd.DataFrame, layout: WorkZoneLayout) -> dict[str, float]:
-    tapers = [area for area in layout.areas if area.name == "merging taper"]
-    if not tapers:
-        return {}
-    taper = tapers[0]
-    closing = [lane for lane in layout.lanes if lane.start == 0 and lane.end < layout.end]
-    inside = np.zeros(len(table), dtype=bool)
-    for lane in closing:
-        d, s = table["d"].to_numpy(), table["s"].to_numpy()
-        inside |= (d > lane.right(s)) & (d < lane.left(0.0)) & (s < lane.end)
-    last = table.loc[inside].groupby("vehicle_id")["s"].max() - taper.start
-    return {f"q{q}": float(last.quantile(q / 100)) for q in (10, 50, 90)} if len(last) else {}

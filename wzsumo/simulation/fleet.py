@@ -13,6 +13,7 @@ from wzsumo.frames import advance, heading_from_sumo_angle
 from wzsumo.simulation.demand import CAR, TRUCK
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.session import running
+from wzsumo.simulation.trips import TRIP_OPTIONS, trips_file
 
 _FCD_COLUMNS = {
     "timestep_time": "time_s",
@@ -28,12 +29,14 @@ _FCD_COLUMNS = {
 def simulate_fleet(files: SumoFiles, *, on_second: Callable[[float], None]) -> pd.DataFrame:
     """Trace table (see `tables`) of every vehicle at every step, with length_m and width_m.
 
-    `on_second` is called with the simulated time [s] once a simulated second.
+    `on_second` is called with the simulated time [s] once a simulated second. SUMO's own record of every trip lies then
+    in `trips_file(files)`.
     """
     with tempfile.TemporaryDirectory(dir=files.config.parent) as folder:
         fcd = Path(folder) / "fcd.parquet"
         # SUMO's default of two decimals is 1 cm and 0.01 degrees.
-        options = ("--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,angle,speed,type", "--precision", "3")
+        fcd_options = ("--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,angle,speed,type", "--precision", "3")
+        options = (*fcd_options, "--tripinfo-output", str(trips_file(files)), *TRIP_OPTIONS)
         with running(files.config, options=options) as session:
             steps_a_second = max(1, round(1 / files.step_length))
             for step in range(round(files.duration / files.step_length)):

@@ -11,14 +11,17 @@ import numpy as np
 
 from wzsumo import __version__
 from wzsumo.ego import EgoRun
+from wzsumo.errors import SpecError
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.fleet import summarise_fleet
+from wzsumo.metrics.traffic import measure_traffic
 from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.simulation.files import SumoFiles, write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
+from wzsumo.simulation.trips import read_trips, trips_file
 from wzsumo.spec import write_toml
 from wzsumo.study.assessment import assess
-from wzsumo.study.case_files import write_crowd, write_method, write_result, write_traces
+from wzsumo.study.case_files import write_crowd, write_method, write_result, write_traces, write_traffic
 from wzsumo.study.closed_loop import Drive, drive_path
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
 from wzsumo.study.layout_files import write_layout
@@ -51,6 +54,10 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
         files = write_sumo_files(site.layout, sumo, spec=scenario.simulation, seed=scenario.seed)
     with clock.timing("fleet"), progress("fleet in SUMO", files.duration) as tell:
         fleet = simulate_fleet(files, on_second=tell)
+    with clock.timing("traffic measures"):
+        trips = read_trips(trips_file(files))
+        traffic = measure_traffic(fleet, trips, site.layout, dt=files.step_length, warm_up_s=WARM_UP_S)
+    write_traffic(traffic, folder)
 
     over_zone = traces_over_zone(fleet, site.layout)
     collected = reported_traces(over_zone, scenario, which="collected")
@@ -79,11 +86,20 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
         "n_components": crowd.mixture.n_components,
         "n_components_rule": scenario.mixture.criterion,
         "fleet": asdict(summarise_fleet(fleet, site.layout)),
+        "traffic": asdict(traffic.summary) | {"hcm_queue_discharge_vph": hcm_queue_discharge_vph(scenario)},
         "methods": results,
         "not_run": NOT_RUN,
         "timings_s": clock.seconds,
     }
     return write_result(result, folder)
+
+
+def hcm_queue_discharge_vph(scenario: Scenario) -> float | None:
+    """What the HCM lets the zone discharge [veh/h], all lanes; None where its model does not hold."""
+    try:
+        return scenario.capacity().queue_discharge_all_lanes_vph
+    except SpecError:
+        return None
 
 
 def map_of_zone(method: str, crowd: Crowd, *, scenario: Scenario, site: Site) -> OccupancyGrid:

@@ -9,6 +9,7 @@ import pandas as pd
 
 from wzsumo.ego import EgoRun
 from wzsumo.grid import OccupancyGrid, write_map
+from wzsumo.metrics.traffic import TrafficMeasures
 from wzsumo.planning.plan import Plan
 from wzsumo.study.mapping_methods import Crowd
 
@@ -49,3 +50,12 @@ def _without_nan(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_nan(item) for key, item in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_traffic(measures: TrafficMeasures, folder: Path) -> None:
+    """Write traffic/{vehicles,minutes,stations}.csv and traffic/cells.parquet; `metrics.traffic` says what the columns are."""
+    traffic = folder / "traffic"
+    traffic.mkdir()
+    for name in ("vehicles", "minutes", "stations"):
+        getattr(measures, name).to_csv(traffic / f"{name}.csv", index=False, float_format="%.4f")
+    measures.grid.table().to_parquet(traffic / "cells.parquet", index=False)

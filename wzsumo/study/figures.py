@@ -12,6 +12,7 @@ from wzsumo.study.drive_figure import draw_drive
 from wzsumo.study.map_figures import draw_maps, draw_truth
 from wzsumo.study.mixture_figures import draw_components, draw_criteria, draw_samples
 from wzsumo.study.result_folder import ResultFolder
+from wzsumo.study.traffic_figures import draw_space_time
 from wzsumo.study.zone_axes import SKY_BLUE, add_area, legend_above, new_figure, plain, show_zone
 
 
@@ -57,6 +58,13 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
          f"steering. n = 1 drive. {run_of} Truth: the layout's devices and edges; poses as simulated.")
         for name in driven
     ]  # fmt: skip
+    cells = run.traffic_cells
+    if cells is not None:
+        plans.append(
+            ("traffic_space_time", partial(draw_space_time, run, cells), "Speeds over time and road",
+             "Space-mean speed of all vehicles in cells of 10 s and 20 m; white: nobody there. "
+             f"n = {run.result.get('traffic', {}).get('n_vehicles', '-')} vehicles, seed {seed}.")
+        )  # fmt: skip
     figures = []
     for stem, draw, title, caption in plans:
         path = folder / f"{stem}.png"

@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from wzsumo.ego import Outcome
 from wzsumo.errors import OutputError
 from wzsumo.study.result_folder import ResultFolder, read_result_folder
+from wzsumo.study.traffic_rows import traffic_rows
 
 DASH = "-"
 CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
@@ -79,7 +80,7 @@ def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
         comparison=_comparison(run, best),
         methods=[_method_row(name, method) for name, method in run.methods.items()],
         not_run=[(NOT_RUN_NAMES.get(name, name), reason) for name, reason in _not_run(result).items()],
-        fleet=_fleet_rows(result.get("fleet") or {}),
+        fleet=_fleet_rows(result.get("fleet") or {}) + traffic_rows(result.get("traffic") or {}),
         timings=[(name, f"{seconds:.2f} s") for name, seconds in (result.get("timings_s") or {}).items()],
         figures=figures,
     )

@@ -86,6 +86,12 @@ class ResultFolder:
         """x_m and y_m of the points drawn from the mixture."""
         return pd.read_csv(self.folder / "samples.csv")
 
+    @cached_property
+    def traffic_cells(self) -> pd.DataFrame | None:
+        """time_s, station_m, flow_vph, density_vpkm and speed_mps of every cell of the space-time grid; None: not measured."""
+        path = self.folder / "traffic" / "cells.parquet"
+        return pd.read_parquet(path) if path.exists() else None
+
     def map_of(self, method: str) -> OccupancyGrid | None:
         """The map of a method, None where it made none."""
         path = self.folder / "maps" / f"{method}.yaml"

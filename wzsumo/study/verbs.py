@@ -121,10 +121,11 @@ def warm_up() -> Figures:
     """Compile every numba kernel once, so that no first run waits."""
     from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
     from wzsumo.lidar_mapping import slam_map
+    from wzsumo.metrics import fleet_conflicts
     from wzsumo.planning import plan
     from wzsumo.sensing import gnss, raycast
 
-    for stage in (plan, gnss, raycast, slam_map):
+    for stage in (fleet_conflicts, plan, gnss, raycast, slam_map):
         stage.compile_kernels()
     s = np.arange(0.0, 300.0, 5.0)
     traces = pd.concat(

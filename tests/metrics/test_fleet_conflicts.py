@@ -1,0 +1,95 @@
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wzsumo.errors import InputError
+from wzsumo.metrics.conflicts import box_approach, boxes_overlap, conflicts_with_traffic
+from wzsumo.metrics.fleet_conflicts import fleet_conflicts
+
+DT = 0.5
+
+
+def car(vehicle_id, *, x=0.0, y=0.0, speed=20.0, heading=0.0, start=0, n=12, length=4.8):
+    """One vehicle at constant speed, n rows from tick `start`."""
+    time = (start + np.arange(n)) * DT
+    way = speed * np.arange(n) * DT
+    return pd.DataFrame({
+        "vehicle_id": vehicle_id, "time_s": time, "x_m": x + way * np.cos(heading), "y_m": y + way * np.sin(heading),
+        "heading_rad": heading, "speed_mps": speed, "length_m": length, "width_m": 1.85,
+    })  # fmt: skip
+
+
+def twin(traces, *, ttc_horizon_s, pet_horizon_s):
+    """The same figures, pair by pair and row by row."""
+    worst = {v: [False, np.inf, 0.0, np.inf] for v in traces["vehicle_id"].unique()}
+    rows = list(traces.itertuples())
+    for a in rows:
+        for b in rows:
+            if a.vehicle_id == b.vehicle_id:
+                continue
+            poses = [(r.x_m, r.y_m, r.heading_rad) for r in (a, b)]
+            sizes = [(r.length_m, r.width_m) for r in (a, b)]
+            lag, mine = abs(a.time_s - b.time_s), worst[a.vehicle_id]
+            if lag <= pet_horizon_s + 1e-9 and boxes_overlap(poses[0], sizes[0], poses[1], sizes[1]):
+                mine[3] = min(mine[3], round(lag / DT) * DT)
+                mine[0] |= lag < 1e-9
+            if lag < 1e-9:
+                near = box_approach(poses[0], sizes[0], poses[1], sizes[1], speed_a=a.speed_mps, speed_b=b.speed_mps)
+                if near.ttc <= ttc_horizon_s:
+                    mine[1], mine[2] = min(mine[1], near.ttc), max(mine[2], near.drac)
+    table = pd.DataFrame([(v, *row) for v, row in worst.items()], columns=["vehicle_id", "o", "ttc", "drac", "pet"])
+    return table.sort_values("vehicle_id").iloc[:, 1:].to_numpy(dtype=float)
+
+
+drivers = st.lists(
+    st.tuples(
+        st.floats(-60, 60), st.sampled_from([0.0, 1.5, 3.66, 7.3]), st.floats(0, 30),
+        st.sampled_from([0.0, 0.05, -0.3, 1.2, np.pi]), st.integers(0, 4), st.sampled_from([4.8, 12.0]),
+    ),
+    min_size=2, max_size=4,
+)  # fmt: skip
+
+
+@settings(max_examples=20, deadline=None)
+@given(drivers)
+def test_fleet_conflicts_equal_the_pairwise_twin(cars):
+    traces = pd.concat(
+        car(f"v{k}", x=x, y=y, speed=v, heading=h, start=start, n=4, length=length)
+        for k, (x, y, v, h, start, length) in enumerate(cars)
+    )
+    found = fleet_conflicts(traces, dt=DT, ttc_horizon_s=4.0, pet_horizon_s=1.5)
+    expected = twin(traces, ttc_horizon_s=4.0, pet_horizon_s=1.5)
+    np.testing.assert_allclose(found.iloc[:, 1:].to_numpy(dtype=float), expected, rtol=1e-6, atol=1e-9)
+
+
+def test_following_car_has_hayward_time_and_cooper_deceleration():
+    traces = pd.concat([car("rear", x=0, speed=20, n=1), car("front", x=54.8, speed=10, n=1)])  # 50 m, closing at 10 m/s
+    found = fleet_conflicts(traces, dt=DT).set_index("vehicle_id")
+    assert found["min_ttc_s"].to_dict() == pytest.approx({"rear": 5.0, "front": 5.0})
+    assert found["max_drac_mps2"].to_dict() == pytest.approx({"rear": 1.0, "front": 1.0})  # 10^2 / (2 x 50)
+
+
+def test_post_encroachment_time_in_car_following_is_the_net_time_gap():
+    traces = pd.concat([car("rear", x=0, n=20), car("front", x=20 * 1.5 + 4.8, n=20)])
+    assert fleet_conflicts(traces, dt=DT)["pet_s"].tolist() == [1.5, 1.5]
+
+
+def test_overlap_of_a_fleet_is_what_each_vehicle_finds_against_the_rest():
+    traces = pd.concat([car("a"), car("b", x=9, speed=15), car("c", x=-40, y=3.66, speed=25)])
+    found = fleet_conflicts(traces, dt=DT, pet_horizon_s=5.0).set_index("vehicle_id")
+    assert found["overlap"].to_dict() == {"a": True, "b": True, "c": False}
+    ego = conflicts_with_traffic(traces[traces["vehicle_id"] == "a"], traces[traces["vehicle_id"] != "a"], dt=DT)
+    assert found.loc["a", "min_ttc_s"] == ego["min_ttc_s"].min()
+    assert found.loc["a", "pet_s"] == ego["pet_s"].min()
+
+
+def test_vehicle_alone_on_the_road_is_in_conflict_with_nobody():
+    (row,) = fleet_conflicts(car("a"), dt=DT).itertuples(index=False)
+    assert tuple(row) == ("a", False, np.inf, 0.0, np.inf)
+
+
+def test_times_off_the_clock_are_refused():
+    with pytest.raises(InputError, match=r"multiples of dt=0\.3 s"):
+        fleet_conflicts(car("a"), dt=0.3)

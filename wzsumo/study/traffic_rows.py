@@ -1,0 +1,40 @@
+"""The traffic measures of a result.json as the rows of the report's table."""
+
+from collections.abc import Mapping
+from typing import Any
+
+DASH = "-"
+# Key of result.json["traffic"], what it says, its unit, decimals.
+_ROWS = (
+    ("n_vehicles", "Vehicles due to enter the road", "", 0),
+    ("n_arrived", "arrived at its end", "", 0),
+    ("n_waiting", "still waiting to enter at the end of the run", "", 0),
+    ("throughput_vph", "Throughput past the activity area, after the warm-up", "veh/h", 0),
+    ("peak_flow_vph", "Highest 15-minute flow past the activity area", "veh/h", 0),
+    ("hcm_queue_discharge_vph", "Queue discharge of the zone by the HCM, 7th edition", "veh/h", 0),
+    ("queue_discharge_vph", "Queue discharge in this run, where a queue stood for 18 minutes or more", "veh/h", 0),
+    ("max_queue_length_m", "Longest queue ahead of the last merging taper", "m", 0),
+    ("mean_travel_time_s", "Mean travel time", "s", 1),
+    ("mean_delay_s", "Mean delay, departure delay included", "s", 1),
+    ("p95_delay_s", "95th percentile of the delay", "s", 1),
+    ("mean_departure_delay_s", "Mean departure delay", "s", 1),
+    ("speed_sd_taper_mps", "Greatest standard deviation of speeds, 200 m ahead of the zone to its end", "m/s", 1),
+    ("n_merges", "Vehicles that merged out of a closing lane", "", 0),
+    ("hard_brakes_per_1000_vkm", "Hard braking (2.67 m/s2 over a second)", "per 1000 veh km", 0),
+    ("n_overlapping", "Vehicles whose outlines overlapped", "", 0),
+    ("n_ttc_conflicts", "Vehicles with a time to collision below 1.5 s", "", 0),
+    ("n_drac_conflicts", "Vehicles that would have needed more than 3.35 m/s2 to avoid a crash", "", 0),
+    ("n_pet_conflicts", "Vehicles with a post-encroachment time below 1 s", "", 0),
+    ("co2_g_per_vkm", "Carbon dioxide (SUMO's default emission classes)", "g per veh km", 0),
+    ("nox_g_per_vkm", "Nitrogen oxides (ibid.)", "g per veh km", 3),
+    ("fuel_g_per_vkm", "Fuel (ibid.)", "g per veh km", 0),
+)
+
+
+def traffic_rows(traffic: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(quantity, value with its unit) of every measure of a run; a dash where there was nothing to measure."""
+    return [(name, _value(traffic[key], unit, decimals)) for key, name, unit, decimals in _ROWS if key in traffic]
+
+
+def _value(value: float | None, unit: str, decimals: int) -> str:
+    return DASH if value is None else f"{value:.{decimals}f} {unit}".rstrip()
