@@ -6,7 +6,7 @@
 
 `measure` runs what the toolkit runs (0.1 s, sublanes of 0.45 m, the toolkit's own network and drivers) with SUMO's plain
 binary and adds a row a run to the CSV file; without --tau it measures the preset of that class. Presets were tuned on seeds
-101-110 and are tested on 201-210. Demand rises from 85 % to 120 % of the HCM's capacity in steps of 4 minutes and stays.
+101-110 and are tested on 201-210.
 """
 
 import argparse
@@ -36,9 +36,11 @@ from wzsumo.work_zone import WorkZone
 SPEED_MPH = 60.0
 LANES = {"2_to_1": (2, (1,)), "3_to_2": (3, (2,)), "3_to_1": (3, (2, 1))}
 TRUCK_SHARES = (0.0, 0.1)
-RAMP, STEP_S = np.arange(0.85, 1.2001, 0.05), 240.0  # of the HCM's capacity
-DURATION_S = 3480.0  # 32 min of rising demand, then 26 min of queue
-STEADY, STEADY_S = 1.15, 1680.0  # for tuning: breaks down at once, tells the discharge in half the time but not the capacity
+# Shares of the HCM's capacity from these times [s] on: a slow rise until the flow breaks down, then a little more than the zone
+# discharges, so that the queue stands but does not reach the road's start, where waiting vehicles would be the bottleneck.
+RAMP = ((0.0, 0.85), (240.0, 0.90), (480.0, 0.95), (720.0, 1.00), (960.0, 1.05), (1200.0, 1.10), (1440.0, 0.93))
+RAMP_S = 3000.0
+STEADY, STEADY_S = ((0.0, 1.15), (360.0, 0.93)), 1800.0  # for tuning: breaks down at once, tells the discharge alone
 UPSTREAM_M = 320.0  # of the closing lane's end, where a queue is looked for
 MINUTE_S = 60.0
 
@@ -54,7 +56,7 @@ def main() -> None:
     measuring.add_argument("--seeds", type=int, default=10)
     for key in ("tau", "accel", "truck-tau", "truck-accel", "sigma", "assertive"):
         measuring.add_argument(f"--{key}", type=float)
-    measuring.add_argument("--steady", action="store_true", help="for tuning: 115 % of the capacity for 28 minutes")
+    measuring.add_argument("--steady", action="store_true", help="for tuning: breakdown at once, half an hour")
     measuring.add_argument("--merge-ahead", type=float, nargs=2, metavar=("NEAREST_M", "FARTHEST_M"))
     commands.add_parser("table")
     args = parser.parse_args()
@@ -65,8 +67,8 @@ def main() -> None:
         drivers = drivers_of(zone_class, args)
         for seed in range(args.first, args.first + args.seeds):
             for trucks in args.trucks:
-                profile = ((0.0, STEADY),) if args.steady else tuple((k * STEP_S, float(r)) for k, r in enumerate(RAMP))
-                demand = DemandSpec(drivers=drivers, truck_share=trucks, duration_s=STEADY_S if args.steady else DURATION_S)
+                profile, duration_s = (STEADY, STEADY_S) if args.steady else (RAMP, RAMP_S)
+                demand = DemandSpec(drivers=drivers, truck_share=trucks, duration_s=duration_s)
                 if args.merge_ahead:
                     demand = demand.model_copy(update={"merge_ahead_m": tuple(args.merge_ahead)})
                 row = measure(zone_class, demand=demand, profile=profile, seed=seed)
@@ -80,8 +82,8 @@ def measure(zone_class: str, *, demand: DemandSpec, profile: tuple[tuple[float, 
     """One run: its discharge in passenger cars an hour and lane, and what SUMO counted. `profile`: (s, share of capacity)."""
     target, drivers = hcm(zone_class, trucks=demand.truck_share), demand.drivers
     total, closed = LANES[zone_class[:6]]
-    road = RoadSpec(lane_count=total, left_shoulder_ft=12, right_shoulder_ft=10, length_ft=5400 + 2200 * (len(closed) - 1))
-    zone = WorkZone(posted_speed_mph=SPEED_MPH, start_ft=1800, closed_lanes=closed, closed_shoulder="left", work_length_ft=500)
+    road = RoadSpec(lane_count=total, left_shoulder_ft=12, right_shoulder_ft=10, length_ft=8800 + 2200 * (len(closed) - 1))
+    zone = WorkZone(posted_speed_mph=SPEED_MPH, start_ft=5200, closed_lanes=closed, closed_shoulder="left", work_length_ft=500)
     layout = lay_out(zone, road.build())
     flows = tuple((time, share * target.capacity_all_lanes_vph) for time, share in profile)
     demand = demand.model_copy(update={"flow_profile": flows})

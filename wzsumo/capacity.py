@@ -24,7 +24,7 @@ class SiteSpec(Spec):
 
     area: Literal["urban", "rural"] = "urban"
     light: Literal["day", "night"] = "day"
-    barrier: Literal["soft", "hard"] = "soft"  # soft: cones, drums; hard: concrete
+    barrier: Literal["soft", "hard"] | None = None  # soft: cones, drums; hard: concrete; None: as the zone's devices are
     lateral_distance_ft: float = Field(0.0, ge=0, le=12)  # lane line to devices; ours stand on the line. HCM 7: 0 to 12 ft
     normal_speed_limit_mph: float | None = Field(None, gt=0)  # without the zone; None: as posted in the zone
     free_flow_speed_mph: float | None = Field(None, gt=0)  # without the zone; None: normal limit + 5 mph, HCM 7, Chapter 12
@@ -93,7 +93,7 @@ def queue_discharge_rate(*, severity: float, site: SiteSpec) -> float:
     return (
         2093
         - 154 * severity
-        - 194 * (site.barrier == "soft")
+        - 194 * (site.barrier != "hard")
         - 179 * (site.area == "rural")
         + 9 * site.lateral_distance_ft
         - 59 * (site.light == "night")
@@ -108,7 +108,7 @@ def _zone_free_flow_speed_mph(posted_speed_mph: float, *, severity: float, site:
         + 33.49 * ratio
         + 0.53 * posted_speed_mph
         - 5.60 * severity
-        - 3.84 * (site.barrier == "soft")
+        - 3.84 * (site.barrier != "hard")
         - 1.71 * (site.light == "night")
         - 8.7 * site.total_ramp_density_per_mile
     )

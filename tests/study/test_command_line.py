@@ -71,6 +71,12 @@ def test_capacity_command_prints_what_the_manual_gives_for_the_papers_zone(capsy
     assert figures["demand_flow_vph"] == 1500
 
 
+def test_barrier_beside_the_work_raises_the_discharge_by_what_the_manual_gives_for_it(tmp_path, capsys):
+    spec = paper_with(tmp_path, device='device = "drum"\nwork_space_device = "barrier"')
+    _, out, _ = run(capsys, "capacity", spec, "--json")
+    assert json.loads(out)["queue_discharge_pcphpl"] == 1783.5 + 194  # f_Br, HCM 7, Eq. 10-8
+
+
 def test_capacity_of_a_street_is_refused_in_one_line_with_the_models_range(tmp_path, capsys):
     spec = paper_with(tmp_path, posted_speed_mph="posted_speed_mph = 35")
     code, out, err = run(capsys, "capacity", spec)

@@ -89,7 +89,7 @@ def write_demand(edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, spe
             lane = min(lane, n_lanes - 2)  # trucks keep out of the left lane of three or more, the usual US rule
         ET.SubElement(
             root, "vehicle", id=f"v{number:05d}", type=f"{'truck' if is_truck else 'car'}_{driver:02d}", route="through",
-            depart=f"{time:.2f}", departLane=str(lane), departPos="base", departSpeed="max",
+            depart=f"{time:.2f}", departLane=str(lane), departPos="base", departSpeed="desired",
         )  # fmt: skip
     path = folder / "zone.rou.xml"
     write_xml(root, path)

@@ -17,7 +17,7 @@ from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.spec import Spec, parse_spec, read_toml
 from wzsumo.vehicle import VehicleGeometry
-from wzsumo.work_zone import WorkZone, WorkZoneLayout
+from wzsumo.work_zone import DeviceKind, WorkZone, WorkZoneLayout
 
 Pose = tuple[float, float, float]
 
@@ -71,12 +71,20 @@ class Scenario(Spec):
 
     def capacity(self) -> ZoneCapacity:
         """What the HCM makes of the zone. Raises SpecError where its model does not hold."""
+        zone = self.work_zone
+        if zone.one_lane_two_way:
+            raise SpecError(
+                f'one_lane_two_way="{zone.one_lane_two_way}": the HCM\'s work-zone model is of freeways with 2 or more lanes a '
+                "direction; what one lane carries by turns depends on who times them"
+            )
+        walled = (zone.work_space_device or zone.device) is DeviceKind.BARRIER
+        site = self.site if self.site.barrier else self.site.model_copy(update={"barrier": "hard" if walled else "soft"})
         return zone_capacity(
             total_lanes=self.road.lane_count,
-            open_lanes=self.road.lane_count - len(set(self.work_zone.closed_lanes)),
-            posted_speed_mph=self.work_zone.posted_speed_mph,
+            open_lanes=self.road.lane_count - len(set(zone.closed_lanes)),
+            posted_speed_mph=zone.posted_speed_mph,
             truck_share=self.simulation.demand.truck_share,
-            site=self.site,
+            site=site,
         )
 
     def start_and_goal(self, layout: WorkZoneLayout) -> tuple[Pose, Pose]:
