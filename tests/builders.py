@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import shapely
 
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.road import Bend, Road, RoadSpec
@@ -53,3 +54,14 @@ def straight_traces(offsets_m, *, length_m=100.0, step_m=2.0, speed_mps=20.0) ->
         for i, y in enumerate(offsets_m)
     ]  # fmt: skip
     return pd.concat(traces, ignore_index=True)
+
+
+def vehicle_outlines(traces):
+    """Rectangles (n,) around the centres of a trace table with length_m and width_m."""
+    along = (
+        np.column_stack([np.cos(traces["heading_rad"]), np.sin(traces["heading_rad"])]) * traces[["length_m"]].to_numpy() / 2
+    )
+    across = along[:, ::-1] * [-1, 1] * (traces["width_m"] / traces["length_m"]).to_numpy()[:, None]
+    centre = traces[["x_m", "y_m"]].to_numpy()
+    corners = [centre - along - across, centre + along - across, centre + along + across, centre - along + across]
+    return shapely.polygons(np.stack(corners, axis=1))

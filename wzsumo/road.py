@@ -7,7 +7,7 @@ has d < 0. Lane 0 is the rightmost, as in SUMO.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -189,7 +189,8 @@ class Bend(Spec):
 
     length_ft: float = Field(gt=0)
     radius_ft: float | None = None
-    end_radius_ft: float | None = None  # a clothoid-like transition from radius_ft (or straight) to this radius
+    # A clothoid-like transition from radius_ft (or straight) to this radius, or to a straight; None: the radius stays.
+    end_radius_ft: float | Literal["straight"] | None = None
 
     @model_validator(mode="after")
     def _radii_are_not_zero(self) -> Self:
@@ -249,7 +250,9 @@ def _line_of(alignment: tuple[Bend, ...]) -> FloatArray:
     for bend in alignment:
         length = bend.length_ft * METRES_PER_FOOT
         start = 1 / (bend.radius_ft * METRES_PER_FOOT) if bend.radius_ft else 0.0
-        end = 1 / (bend.end_radius_ft * METRES_PER_FOOT) if bend.end_radius_ft else start
+        end = start if bend.end_radius_ft is None else 0.0
+        if isinstance(bend.end_radius_ft, float):
+            end = 1 / (bend.end_radius_ft * METRES_PER_FOOT)
         sharpest = max(abs(start), abs(end))
         # Sagitta of a chord c on radius R: c^2 / (8 R).
         chord = np.sqrt(8 * MAX_CHORD_ERROR_M / sharpest) if sharpest else 50.0

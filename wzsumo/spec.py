@@ -44,7 +44,7 @@ def describe_mistakes(kind: type[BaseModel], error: ValidationError) -> list[str
 
 
 def write_toml(content: dict[str, Any], path: Path) -> None:
-    """Write a dictionary as TOML; keys without a value (None) are left out."""
+    """Write a dictionary as TOML; keys without a value (None) are left out, at any depth."""
     path.write_text(tomli_w.dumps(_without_none(content)), encoding="utf-8")
 
 
@@ -60,10 +60,10 @@ def known_keys(kind: type[BaseModel], section: tuple[Any, ...]) -> list[str]:
     return sorted(model.model_fields)
 
 
-def _without_none(content: dict[str, Any]) -> dict[str, Any]:
-    return {
-        key: _without_none(value) if isinstance(value, dict) else value for key, value in content.items() if value is not None
-    }
+def _without_none(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _without_none(value) for key, value in content.items() if value is not None}
+    return [_without_none(value) for value in content] if isinstance(content, list | tuple) else content
 
 
 def _describe(kind: type[BaseModel], mistake: Any) -> str:

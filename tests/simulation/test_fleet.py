@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
-from builders import paper_layout
+from builders import paper_layout, vehicle_outlines
 
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
@@ -23,21 +23,12 @@ def traces(tmp_path_factory):
     return simulate(tmp_path_factory.mktemp("fleet"), duration_s=240, seed=1)
 
 
-def outlines(table):
-    """Rectangles (n,) around centres, built from the table's own columns."""
-    along = np.column_stack([np.cos(table["heading_rad"]), np.sin(table["heading_rad"])]) * table[["length_m"]].to_numpy() / 2
-    across = along[:, ::-1] * [-1, 1] * (table["width_m"] / table["length_m"]).to_numpy()[:, None]
-    centre = table[["x_m", "y_m"]].to_numpy()
-    corners = [centre - along - across, centre + along - across, centre + along + across, centre - along + across]
-    return shapely.polygons(np.stack(corners, axis=1))
-
-
 def test_outlines_built_here_match_the_vehicle_noun():
     car = VehicleGeometry()
     pose = np.array([3.0, -2.0, 0.7])
     centre = pose[:2] + car.axle_to_centre_m * np.array([np.cos(0.7), np.sin(0.7)])
     row = {"x_m": centre[0], "y_m": centre[1], "heading_rad": 0.7, "length_m": car.length_m, "width_m": car.width_m}
-    (outline,) = outlines(pd.DataFrame([row]))
+    (outline,) = vehicle_outlines(pd.DataFrame([row]))
     assert outline.symmetric_difference(shapely.Polygon(car.outline(pose))).area < 1e-9
 
 
@@ -48,9 +39,9 @@ def test_at_least_20_vehicles_pass_the_zone_in_four_minutes(traces):
 
 def test_no_vehicle_reaches_deeper_than_10_cm_into_the_closed_area(traces):
     # SUMO keeps a vehicle's own lane to its lines, not a turned outline nor the end of a late lane change.
-    overlap = shapely.area(shapely.intersection(outlines(traces), LAYOUT.closed_area.buffer(-0.1)))
+    overlap = shapely.area(shapely.intersection(vehicle_outlines(traces), LAYOUT.closed_area.buffer(-0.1)))
     assert overlap.max() == 0
-    inside = shapely.intersects(outlines(traces), LAYOUT.closed_area.buffer(-1e-6))
+    inside = shapely.intersects(vehicle_outlines(traces), LAYOUT.closed_area.buffer(-1e-6))
     assert inside.mean() < 0.002
 
 
@@ -62,7 +53,7 @@ def test_no_driver_brakes_harder_than_the_service_brake_among_drivers(traces):
 def test_vehicles_beside_the_activity_area_stay_within_the_open_lanes(traces):
     area = LAYOUT.area("activity area")
     beside = traces[traces["x_m"].between(area.start + 10, area.end - 10)]
-    corners = shapely.get_coordinates(outlines(beside))[:, 1] / 0.3048
+    corners = shapely.get_coordinates(vehicle_outlines(beside))[:, 1] / 0.3048
     assert len(beside) > 1000
     assert corners.min() >= -10 - 0.2
     assert corners.max() <= 12 + 0.2

@@ -23,10 +23,10 @@ class FleetSummary:
 
 
 def passages(traces: pd.DataFrame, layout: WorkZoneLayout) -> pd.Index:
-    """Ids of the vehicles that were seen from before the zone to beyond it."""
+    """Ids of the vehicles that were seen from before the zone to beyond it; not of those that came the other way."""
     station, _ = layout.road.to_sd(traces[["x_m", "y_m"]])
-    reach = pd.Series(station).groupby(traces["vehicle_id"].to_numpy()).agg(["min", "max"])
-    return reach.index[(reach["min"] < layout.start) & (reach["max"] > layout.end)]
+    way = pd.Series(station).groupby(traces["vehicle_id"].to_numpy()).agg(["first", "last"])
+    return way.index[(way["first"] < layout.start) & (way["last"] > layout.end)]
 
 
 def summarise_fleet(traces: pd.DataFrame, layout: WorkZoneLayout) -> FleetSummary:

@@ -24,6 +24,7 @@ class DemandSpec(Spec):
         1500.0, gt=0
     )  # all lanes together; well below what two open lanes discharge (HCM 7: about 1,800 pc/h each)
     flow_profile: tuple[tuple[float, float], ...] = ()  # (from this time [s], veh/h) instead of one flow_vph throughout
+    opposing_flow_vph: float = Field(0.0, ge=0)  # the other direction of a two-way road, all its lanes together
     truck_share: float = Field(0.10, ge=0, lt=1)  # of the order of the HCM's default for freeways
     lane_use: tuple[float, ...] = ()  # share of vehicles by lane at the road's start from the right; empty: even
     duration_s: float = Field(1200.0, gt=0)
@@ -68,10 +69,12 @@ LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes t
 N_DRIVERS = 60  # vTypes a class: each has its own place in the lane and its own habit of merging
 
 
-def write_demand(edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, speed: float, seed: int) -> Path:
-    """Write zone.rou.xml: vehicle types, the route through all edges and every vehicle; returns its path.
+def write_demand(
+    edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, speed: float, seed: int, opposing: tuple[Edge, ...] = ()
+) -> Path:
+    """Write zone.rou.xml: vehicle types, a route each way through all edges and every vehicle; returns its path.
 
-    `speed` [m/s] is the posted one.
+    `speed` [m/s] is the posted one; `opposing` are the edges of the other direction.
     """
     rng = np.random.default_rng([seed, 1])
     root = ET.Element("routes")
@@ -79,32 +82,50 @@ def write_demand(edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, spe
         for number in range(N_DRIVERS):
             ET.SubElement(root, "vType", _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, rng=rng))
     ET.SubElement(root, "route", id="through", edges=" ".join(edge.id for edge in edges))
-    departures = _departures(spec, rng)
-    n_lanes = len(edges[0].lanes)
-    shares = np.array(spec.lane_use or (1 / n_lanes,) * n_lanes)
-    for number, time in enumerate(departures):
-        is_truck = bool(rng.random() < spec.truck_share)
-        lane, driver = int(rng.choice(n_lanes, p=shares)), int(rng.integers(N_DRIVERS))
-        if is_truck and n_lanes > 2:
-            lane = min(lane, n_lanes - 2)  # trucks keep out of the left lane of three or more, the usual US rule
-        ET.SubElement(
-            root, "vehicle", id=f"v{number:05d}", type=f"{'truck' if is_truck else 'car'}_{driver:02d}", route="through",
-            depart=f"{time:.2f}", departLane=str(lane), departPos="base", departSpeed="desired",
-        )  # fmt: skip
+    vehicles = _vehicles(edges, "through", flows=spec.flow_profile or ((0.0, spec.flow_vph),), spec=spec, rng=rng)
+    if opposing and spec.opposing_flow_vph:
+        ET.SubElement(root, "route", id="opposing", edges=" ".join(edge.id for edge in opposing))
+        other = np.random.default_rng([seed, 2])
+        vehicles += _vehicles(opposing, "opposing", flows=((0.0, spec.opposing_flow_vph),), spec=spec, rng=other)
+    root.extend(sorted(vehicles, key=lambda vehicle: float(vehicle.get("depart", ""))))  # SUMO reads them in this order
     path = folder / "zone.rou.xml"
     write_xml(root, path)
     return path
 
 
-def _departures(spec: DemandSpec, rng: np.random.Generator) -> FloatArray:
+def _vehicles(
+    edges: tuple[Edge, ...], route: str, *, flows: tuple[tuple[float, float], ...], spec: DemandSpec, rng: np.random.Generator
+) -> list[ET.Element]:
+    """Every vehicle that departs along a route; `flows` are as in DemandSpec.flow_profile."""
+    n_lanes, vehicles = len(edges[0].lanes), []
+    shares = np.array((route == "through" and spec.lane_use) or (1 / n_lanes,) * n_lanes)
+    for number, time in enumerate(_departures(flows, spec.duration_s, rng)):
+        is_truck = bool(rng.random() < spec.truck_share)
+        lane, driver = int(rng.choice(n_lanes, p=shares)), int(rng.integers(N_DRIVERS))
+        if is_truck and n_lanes > 2:
+            lane = min(lane, n_lanes - 2)  # trucks keep out of the left lane of three or more, the usual US rule
+        attributes = {
+            "id": f"{'v' if route == 'through' else 'o'}{number:05d}",
+            "type": f"{'truck' if is_truck else 'car'}_{driver:02d}",
+            "route": route,
+            "depart": f"{time:.2f}",
+            "departLane": str(lane),
+            "departPos": "base",
+            "departSpeed": "desired",
+        }
+        vehicles.append(ET.Element("vehicle", attributes))
+    return vehicles
+
+
+def _departures(flows: tuple[tuple[float, float], ...], duration_s: float, rng: np.random.Generator) -> FloatArray:
     """Times [s] of Poisson arrivals: where a unit Poisson process falls on the count of vehicles expected up to each time."""
-    starts, flows = np.array(spec.flow_profile or [(0.0, spec.flow_vph)]).T
-    times = np.append(starts, max(spec.duration_s, starts[-1] + 1.0))
-    expected = np.concatenate([[0.0], np.cumsum(flows / 3600 * np.diff(times))])
-    mean = float(np.interp(spec.duration_s, times, expected))
+    starts, vph = np.array(flows).T
+    times = np.append(starts, max(duration_s, starts[-1] + 1.0))
+    expected = np.concatenate([[0.0], np.cumsum(vph / 3600 * np.diff(times))])
+    mean = float(np.interp(duration_s, times, expected))
     enough = int(mean + 8 * np.sqrt(mean) + 10)  # eight standard deviations of a Poisson count
     departures = np.interp(np.cumsum(rng.exponential(size=enough)), expected, times, right=np.inf)
-    return np.asarray(departures[departures < spec.duration_s])
+    return np.asarray(departures[departures < duration_s])
 
 
 def _driver(

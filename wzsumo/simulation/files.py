@@ -10,7 +10,7 @@ from shapely.geometry.base import BaseGeometry
 
 from wzsumo.simulation.demand import DemandSpec, write_demand
 from wzsumo.simulation.drivers import UNCALIBRATED
-from wzsumo.simulation.network import Edge, edges_of, write_network, write_xml
+from wzsumo.simulation.network import Edge, edges_of, opposing_edges_of, write_network, write_xml
 from wzsumo.spec import Spec
 from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
@@ -53,7 +53,10 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
     """Write zone.{net,rou,add}.xml and zone.sumocfg into `folder`; the configuration carries the seed."""
     edges = edges_of(layout)
     net = write_network(layout, folder)
-    routes = write_demand(edges, folder, spec=spec.demand, speed=mps_from_mph(layout.work_zone.posted_speed_mph), seed=seed)
+    routes = write_demand(
+        edges, folder, spec=spec.demand, speed=mps_from_mph(layout.work_zone.posted_speed_mph), seed=seed,
+        opposing=opposing_edges_of(layout),
+    )  # fmt: skip
     additional = _write_drawing(layout, folder)
     root = ET.Element("configuration")
     sections = {

@@ -23,6 +23,8 @@ from wzsumo.work_zone import OpenLane, WorkZoneLayout
 MAX_WIDTH_STEP_M = 0.1  # what a vehicle jumps sideways where it changes lane on such an edge; SUMO moves 0.1 m a step anyway
 MERGE_END_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is as narrow as this: a car just fits
 SAME_STATION_M = 0.01
+LAST_CHANGE_AHEAD_M = 100.0  # of closed lanes between two open ones: what is begun there ends before (4 s at 25 m/s)
+NOBODY = "custom1"  # SUMO's vehicle class that no vehicle type here has
 LINE_MARGIN_M = 0.2  # SUMO lets a vehicle touch its lane's line, and a 12 m truck cuts a kink of 1:30 by 0.1 m
 _NETCONVERT_OPTIONS = (
     # The default junction radius of 4 m moves nodes and cuts lanes; normalising moves the whole net (SUMO 1.28).
@@ -126,8 +128,18 @@ def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
             attributes = {"index": str(index), "width": f"{_width_on(lane, edge):.3f}", "shape": shape}
             if _is_closing(lane, edge):
                 attributes["disallow"] = "truck"  # wider than the lane's end: trucks merge before the taper
+            # Neighbours in SUMO's order may have closed lanes between them, or soon will have.
+            if index + 1 < len(edge.lanes) and _apart(lane, edge.lanes[index + 1], edge):
+                attributes["changeLeft"] = NOBODY
+            if index > 0 and _apart(edge.lanes[index - 1], lane, edge):
+                attributes["changeRight"] = NOBODY
             ET.SubElement(item, "lane", attributes)
     return root
+
+
+def _apart(right: OpenLane, left: OpenLane, edge: Edge) -> bool:
+    gap = max(float(left.right(s) - right.left(s)) for s in (edge.start, edge.end, edge.end + LAST_CHANGE_AHEAD_M))
+    return not edge.opposing and gap > SAME_STATION_M
 
 
 def _connections(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> list[ET.Element]:

@@ -16,7 +16,6 @@ from wzsumo.road import Road, RoadSpec
 from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.spec import Spec, parse_spec, read_toml
-from wzsumo.study.slam_spec import SlamSpec
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DeviceKind, WorkZone, WorkZoneLayout
 
@@ -38,7 +37,6 @@ class RouteSpec(Spec):
     start_before_zone_m: float = Field(150.0, gt=0)
     goal_lane: int = Field(ge=0)
     goal_after_zone_m: float = Field(100.0, gt=0)
-    open_goal_lane: int | None = Field(None, ge=0)  # of a second goal, in a lane that leads straight on from the open ones
 
 
 class MapSpec(Spec):
@@ -62,7 +60,6 @@ class Scenario(Spec):
     mixture: MixtureSpec = MixtureSpec()
     map: MapSpec = MapSpec()
     route: RouteSpec
-    slam: SlamSpec | None = None  # the LiDAR SLAM baseline is part of every run where this section is given
     vehicle: VehicleGeometry = VehicleGeometry()
     planner: PlannerSpec = PlannerSpec()
     control: ControlSpec = ControlSpec()
@@ -94,10 +91,9 @@ class Scenario(Spec):
         """Rear-axle poses (x, y, heading) of start and goal. Raises SpecError where they are not on the road."""
         route, road = self.route, layout.road
         stations = (layout.start - route.start_before_zone_m, layout.end + route.goal_after_zone_m)
-        for key in ("start_lane", "goal_lane", "open_goal_lane"):
-            lane = getattr(route, key)
-            if lane is not None and lane >= len(road.lane_widths):
-                raise SpecError(f"route.{key}={lane} must be a lane of the road, 0..{len(road.lane_widths) - 1}")
+        for key, lane in (("start_lane", route.start_lane), ("goal_lane", route.goal_lane)):
+            if lane >= road.own_lanes:
+                raise SpecError(f"route.{key}={lane} must be a lane of the road, 0..{road.own_lanes - 1}")
         if not self.vehicle.length_m < stations[0] < stations[1] < road.length - self.vehicle.length_m:
             raise SpecError(
                 f"route: start and goal at stations {stations[0]:.0f} and {stations[1]:.0f} m must lie on the road, "
@@ -107,12 +103,6 @@ class Scenario(Spec):
             _lane_pose(road, station, lane) for station, lane in zip(stations, (route.start_lane, route.goal_lane), strict=True)
         )
         return start, goal
-
-    def open_goal(self, layout: WorkZoneLayout) -> Pose | None:
-        """Rear-axle pose of the second goal, None where the route names none."""
-        if self.route.open_goal_lane is None:
-            return None
-        return _lane_pose(layout.road, layout.end + self.route.goal_after_zone_m, self.route.open_goal_lane)
 
 
 def load_scenario(path: Path, *, seed: int | None = None) -> Scenario:
@@ -133,7 +123,12 @@ def misfits_of(scenario: Scenario) -> list[str]:
         scenario.start_and_goal(scenario.layout())
     except SpecError as error:
         misfits.append(str(error))
-    crowd = scenario.crowd
+    crowd, demand = scenario.crowd, scenario.simulation.demand
+    if demand.opposing_flow_vph and not scenario.road.opposing_lane_count:
+        misfits.append(
+            f"simulation.demand.opposing_flow_vph={demand.opposing_flow_vph:g} needs an opposing lane; "
+            "set road.opposing_lane_count or leave the flow out"
+        )
     if crowd.used > crowd.collected:
         misfits.append(f"crowd.used={crowd.used} must be at most crowd.collected={crowd.collected}; collect more or use fewer")
     return misfits
