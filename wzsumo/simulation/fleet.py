@@ -12,8 +12,8 @@ from wzsumo.errors import SimulationError
 from wzsumo.frames import advance, heading_from_sumo_angle
 from wzsumo.simulation.demand import CAR, TRUCK
 from wzsumo.simulation.files import SumoFiles
-from wzsumo.simulation.session import running
 from wzsumo.simulation.trips import TRIP_OPTIONS, trips_file
+from wzsumo.simulation.whole_run import run_to_end
 
 _FCD_COLUMNS = {
     "timestep_time": "time_s",
@@ -37,12 +37,7 @@ def simulate_fleet(files: SumoFiles, *, on_second: Callable[[float], None]) -> p
         # SUMO's default of two decimals is 1 cm and 0.01 degrees.
         fcd_options = ("--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,angle,speed,type", "--precision", "3")
         options = (*fcd_options, "--tripinfo-output", str(trips_file(files)), *TRIP_OPTIONS)
-        with running(files.config, options=options) as session:
-            steps_a_second = max(1, round(1 / files.step_length))
-            for step in range(round(files.duration / files.step_length)):
-                session.step()
-                if step % steps_a_second == 0:
-                    on_second(session.time)
+        run_to_end(files, options=options, on_second=on_second)
         return _traces_of_fcd(fcd)
 
 
