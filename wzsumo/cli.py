@@ -32,6 +32,8 @@ A study file (see scenarios/studies) names base scenarios, methods, and factors:
 share a simulation run it once. Stop it whenever you like; the same command goes on with what is missing.
 """
 _POSES = "Poses are of the centre of the REAR AXLE: X Y in metres of the map's frame, DEG counter-clockwise from +x."
+_METHODS = """paper_literal, paper, swept, lanes (from the crowd); slam_raw, slam_log_odds, slam_barrier (from one LiDAR mapping
+drive); hd_map, hd_map_devices (the map of before). Default: those of the crowd; with a section [slam] in the scenario, all"""
 _CLOUDS = """\
 A cloud holds x, y, z in metres: an .npy array (n, 3), a .csv table (columns x, y, z, or three unnamed ones) or a .ply file.
 Labels are an array (n,) of uint8 in the order of the points. A transform says in "status" what it is worth: converged,
@@ -108,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("--out", type=Path, required=True, metavar="DIR")
         if name == "run":
             sub.add_argument("--seed", type=_seed, help="instead of the scenario's own")
-            sub.add_argument("--method", nargs="+", metavar="NAME", help="paper_literal, paper, swept, lanes (default: all)")
+            sub.add_argument("--method", nargs="+", metavar="NAME", help=_METHODS)
     sub = command("capacity", "what the zone can carry by the Highway Capacity Manual, 7th edition")
     sub.add_argument("scenario", type=Path, metavar="SCENARIO.toml")
     sub = command("map", "make a ROS map (map.pgm, map.yaml) from anybody's traces", _TRACES)

@@ -14,6 +14,7 @@ import time
 import numpy as np
 import pandas as pd
 
+from wzsumo.grid import blank_grid
 from wzsumo.lidar_mapping.loam import LoamSpec, map_drive, trajectory_error_m
 from wzsumo.lidar_mapping.slam_map import SlamMapSpec, build_maps, compile_kernels
 from wzsumo.rigid import inverse
@@ -182,7 +183,8 @@ def print_maps(scene, drive, cones, seed):
     low, high = drive.poses[:, 0].min(), drive.poses[:, 0].max()
     start = time.perf_counter()
     posed = map_drive(scans, readings, LoamSpec(), mounting=SENSOR.mounting, start=first)
-    maps = build_maps(posed, SlamMapSpec(), bounds=(low - 20, -20.0, high + 20, 30.0))
+    cells = blank_grid((low - 20, -20.0, high + 20, 30.0), resolution=0.2, p_occupied=0.0)
+    maps = build_maps(posed, SlamMapSpec(), cells=cells)
     ms = 1000 * (time.perf_counter() - start) / (10 * (drive.time_s[-1] - drive.time_s[0]))
     passed = cones[["x_m", "y_m"]].to_numpy()[(cones["x_m"] > low + 5) & (cones["x_m"] < high - 5)]
     apart = (

@@ -6,11 +6,14 @@ from scipy import ndimage
 
 from wzsumo.errors import InputError
 from wzsumo.grid import blank_grid
+from wzsumo.lidar_mapping.devices import DeviceSpec, find_devices, join_devices, with_barrier
 from wzsumo.lidar_mapping.loam import PosedScan, ScanState
-from wzsumo.lidar_mapping.slam_map import SlamMapSpec, build_maps, find_devices, join_devices, with_barrier
+from wzsumo.lidar_mapping.slam_map import SlamMapSpec, build_maps
+from wzsumo.lidar_mapping.votes import Votes, VoteSpec
 from wzsumo.rigid import moved, rigid, rotation_from_rpy
 
-BOUNDS = (0.0, -10.0, 60.0, 10.0)
+CELLS = blank_grid((0.0, -10.0, 60.0, 10.0), resolution=0.2, p_occupied=0.0)  # half of a cone's base: every cone fills a cell
+FAR = SlamMapSpec(votes=VoteSpec(max_range_m=80.0))
 SENSOR = np.array([1.4, 0.0, 1.9])
 
 
@@ -65,7 +68,7 @@ def connected(grid, start, goal):
 
 
 def test_raw_view_is_occupied_where_hit_and_free_everywhere_else():
-    maps = build_maps(zone_scans([(20.0, 3.0)]), SlamMapSpec(), bounds=BOUNDS)
+    maps = build_maps(zone_scans([(20.0, 3.0)]), SlamMapSpec(), cells=CELLS)
     row, col = maps.birds_eye.cell_of(cone_points(20.0, 3.0)[:, :2])
     expected = np.zeros(maps.birds_eye.shape)
     expected[row, col] = 1
@@ -74,20 +77,20 @@ def test_raw_view_is_occupied_where_hit_and_free_everywhere_else():
 
 def test_cell_with_too_few_points_stays_free_in_raw_view():
     scans = [posed_scan([[20.05, 3.05, 0.5]] * 2, [True, True])]
-    assert build_maps(scans, SlamMapSpec(min_points=3), bounds=BOUNDS).birds_eye.p_occupied.max() == 0
-    assert build_maps(scans, SlamMapSpec(min_points=2), bounds=BOUNDS).birds_eye.p_occupied.max() == 1
+    assert build_maps(scans, SlamMapSpec(min_points=3), cells=CELLS).birds_eye.p_occupied.max() == 0
+    assert build_maps(scans, SlamMapSpec(min_points=2), cells=CELLS).birds_eye.p_occupied.max() == 1
 
 
 @pytest.mark.parametrize(("scans", "log_odds"), [(1, 0.85), (3, 2.55), (9, 3.5)])
 def test_hits_add_up_to_their_clamped_log_odds(scans, log_odds):
     one = posed_scan([[20.05, 3.05, 0.8]], [True])
-    maps = build_maps([one] * scans, SlamMapSpec(), bounds=BOUNDS)
+    maps = build_maps([one] * scans, SlamMapSpec(), cells=CELLS)
     assert cell(maps.log_odds, 20.05, 3.05) == pytest.approx(1 / (1 + np.exp(-log_odds)), rel=1e-5)
 
 
 def test_ground_ray_frees_its_low_end_and_nothing_before_or_behind():
     # From 1.9 m high at x = 1.4 to the ground at x = 39.5: below 0.4 m on its last 4 / 19, from x = 31.48 on.
-    maps = build_maps([posed_scan([[39.5, 0.1, 0.0]], [False])], SlamMapSpec(), bounds=BOUNDS)
+    maps = build_maps([posed_scan([[39.5, 0.1, 0.0]], [False])], SlamMapSpec(), cells=CELLS)
     row = maps.log_odds.cell_of([[10.0, 0.1]])[0][0]
     seen = np.flatnonzero(maps.log_odds.p_occupied[row] != 0.5)
     x = maps.log_odds.centre_of(row, seen)[:, 0]
@@ -99,13 +102,13 @@ def test_ground_ray_frees_its_low_end_and_nothing_before_or_behind():
 
 def test_hit_wins_over_rays_that_pass_its_cell_in_the_same_scan():
     scan = posed_scan([[20.05, 3.05, 0.5], [20.08, 3.02, 0.0], [22.0, 3.3, 0.0]], [True, False, False])
-    assert cell(build_maps([scan], SlamMapSpec(), bounds=BOUNDS).log_odds, 20.05, 3.05) > 0.65
+    assert cell(build_maps([scan], SlamMapSpec(), cells=CELLS).log_odds, 20.05, 3.05) > 0.65
 
 
 def test_maps_lie_in_the_world_whatever_the_pose():
     pose = rigid(rotation_from_rpy([0, 0, 0.8]), [5.0, -4.0, 0.0])
     still, turned = (
-        build_maps(zone_scans([(20.0, 3.0), (30.0, 1.0)], pose=p), SlamMapSpec(), bounds=BOUNDS) for p in (None, pose)
+        build_maps(zone_scans([(20.0, 3.0), (30.0, 1.0)], pose=p), SlamMapSpec(), cells=CELLS) for p in (None, pose)
     )
     np.testing.assert_array_equal(still.birds_eye.p_occupied, turned.birds_eye.p_occupied)
     np.testing.assert_allclose(still.devices, turned.devices)
@@ -113,7 +116,7 @@ def test_maps_lie_in_the_world_whatever_the_pose():
 
 def test_line_of_cones_separates_the_lanes_in_the_barrier_map_alone():
     cones = [(x, 1.0 + 0.05 * x) for x in np.linspace(0.1, 59.9, 8)]
-    maps = build_maps(zone_scans(cones), SlamMapSpec(max_range_m=80.0), bounds=BOUNDS)
+    maps = build_maps(zone_scans(cones), FAR, cells=CELLS)
     below, above = (50.0, -3.0), (50.0, 8.0)
     assert connected(maps.birds_eye, below, above)
     assert connected(maps.log_odds, below, above)
@@ -124,14 +127,14 @@ def test_line_of_cones_separates_the_lanes_in_the_barrier_map_alone():
 
 def test_gap_longer_than_the_widest_spacing_stays_open():
     cones = [(0.5, 2.0), (9.0, 2.0), (45.0, 2.0), (60.0, 2.0)]
-    maps = build_maps(zone_scans(cones), SlamMapSpec(max_gap_m=30.0, max_range_m=80.0), bounds=BOUNDS)
+    maps = build_maps(
+        zone_scans(cones), SlamMapSpec(votes=VoteSpec(max_range_m=80.0), devices=DeviceSpec(max_gap_m=30.0)), cells=CELLS
+    )
     assert connected(maps.barrier, (50.0, -3.0), (50.0, 8.0))
 
 
 def test_only_what_has_a_device_size_and_was_seen_often_is_a_device():
-    grid = blank_grid(BOUNDS, resolution=0.2, p_occupied=0.0)
-    count, scans = np.zeros(grid.shape, np.int32), np.zeros(grid.shape, np.int32)
-    height = np.full(grid.shape, -np.inf)
+    votes = Votes(CELLS, VoteSpec())
     for (row, col, rows, cols), top, often in (
         ((20, 40, 2, 2), 0.9, 9),  # a cone
         ((20, 80, 2, 2), 2.1, 9),  # a pole
@@ -140,9 +143,19 @@ def test_only_what_has_a_device_size_and_was_seen_often_is_a_device():
         ((20, 220, 2, 2), 0.9, 1),  # something that was there once
     ):
         part = np.s_[row : row + rows, col : col + cols]
-        count[part], scans[part], height[part] = 5, often, top
-    devices = find_devices(count, scans, height, grid, SlamMapSpec())
+        votes.count[part], votes.scans[part], votes.height[part] = 5, often, top
+    devices = find_devices(votes, DeviceSpec())
     np.testing.assert_allclose(devices, [[8.2, -5.8]])
+
+
+def test_vehicle_that_was_there_in_one_scan_leaves_its_mark_in_all_maps_but_the_barrier():
+    ground = posed_scan(ground_points(), np.zeros(len(ground_points())))
+    passing = posed_scan([[30.05, -4.95, 0.5], [30.05, -4.95, 1.2]], [True, True])
+    maps = build_maps([ground] * 6 + [passing], SlamMapSpec(), cells=CELLS)
+    # Six misses are clamped to -2, the hit adds 0.85.
+    assert cell(maps.birds_eye, 30.05, -4.95) == 1
+    assert cell(maps.log_odds, 30.05, -4.95) == pytest.approx(1 / (1 + np.exp(2.0 - 0.85)), rel=1e-5)
+    assert cell(maps.barrier, 30.05, -4.95) == pytest.approx(1 / (1 + np.exp(2.0)), rel=1e-5)
 
 
 @settings(max_examples=25, deadline=None)
@@ -157,15 +170,15 @@ def test_devices_along_a_line_are_joined_in_their_order(seed, n):
 
 
 def test_no_device_leaves_the_map_as_it_was():
-    grid = blank_grid(BOUNDS, resolution=0.2, p_occupied=0.3)
+    grid = CELLS.with_p_occupied(np.full(CELLS.shape, 0.3))
     assert with_barrier(grid, np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), half_width_m=0.2) is grid
-    maps = build_maps([posed_scan(ground_points(), np.zeros(len(ground_points())))], SlamMapSpec(), bounds=BOUNDS)
+    maps = build_maps([posed_scan(ground_points(), np.zeros(len(ground_points())))], SlamMapSpec(), cells=CELLS)
     assert maps.devices.shape == (0, 2)
 
 
 def test_no_scan_is_refused_and_an_empty_one_leaves_all_unknown():
     with pytest.raises(InputError, match="no scans"):
-        build_maps([], SlamMapSpec(), bounds=BOUNDS)
-    maps = build_maps([posed_scan(np.empty((0, 3)), [])], SlamMapSpec(), bounds=BOUNDS)
+        build_maps([], SlamMapSpec(), cells=CELLS)
+    maps = build_maps([posed_scan(np.empty((0, 3)), [])], SlamMapSpec(), cells=CELLS)
     assert (maps.log_odds.p_occupied == 0.5).all()
     assert (maps.birds_eye.p_occupied == 0).all()

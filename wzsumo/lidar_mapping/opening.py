@@ -54,11 +54,12 @@ def _take_minimum(target: FloatArray, other: FloatArray) -> None:
 @njit(cache=True, error_model="numpy", inline="always")
 def _grow_row(running: FloatArray, grown: FloatArray, w: int) -> None:
     cols = running.size
+    for col in range(1, cols - 1):
+        left, right = running[col - 1], running[col + 1]
+        grown[col] = left if left < right else right
     # At the borders one of the two halves is cut off; what is left of the other holds what is left of the window.
-    for col in range(cols):
-        left = running[col - 1] if col > 0 else running[col]
-        right = running[col + 1] if col < cols - 1 else running[col]
-        smaller = left if left < right else right
-        if w == 1 or col == 0 or col == cols - 1:
-            smaller = running[col] if running[col] < smaller else smaller
-        grown[col] = smaller
+    grown[0], grown[cols - 1] = running[0], running[cols - 1]
+    if cols > 1:
+        grown[0], grown[cols - 1] = min(running[0], running[1]), min(running[cols - 1], running[cols - 2])
+    if w == 1:
+        _take_minimum(grown, running)

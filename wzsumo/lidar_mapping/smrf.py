@@ -20,6 +20,7 @@ from wzsumo.lidar_mapping.opening import open_by_disk
 from wzsumo.spec import Spec
 
 LOW_OUTLIER_SLOPE = 5.0  # 500 %, on the inverted surface with a window of one cell; Pingel et al. 2013, Section 2
+FILL_TOLERANCE_M = 1e-3  # of filled holes; a hundredth of what decides, the elevation threshold
 MAX_CELLS = 50_000_000  # 2 GiB of surfaces; a cloud with so many cells at 1 m covers 50 km^2 or holds a stray point
 
 
@@ -79,13 +80,13 @@ def estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> Terrain:
     lowest = np.full((rows, cols), np.inf)
     _keep_lowest(cloud, low, spec.cell_m, lowest)
     empty = ~np.isfinite(lowest)
-    surface = fill_holes(np.where(empty, np.nan, lowest), empty)
+    surface = fill_holes(np.where(empty, np.nan, lowest), empty, tolerance=FILL_TOLERANCE_M)
     inverted_openings = (-surface, LOW_OUTLIER_SLOPE, 1)
     hole = empty | object_cells(*inverted_openings, cell=spec.cell_m)
     hole |= object_cells(surface, spec.slope, int(np.ceil(spec.window_m / spec.cell_m - 1e-9)), cell=spec.cell_m)
     if hole.all():
         raise NoGroundError("cloud: no ground in it; every cell stands above or lies below its neighbours: take a wider cloud")
-    height = fill_holes(surface, hole)
+    height = fill_holes(surface, hole, tolerance=FILL_TOLERANCE_M)
     return Terrain(
         height=height,
         slope=_slope(height, spec.cell_m),

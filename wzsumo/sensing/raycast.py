@@ -103,11 +103,30 @@ def _columns_touched(spheres: FloatArray, poses: FloatArray, azimuth: FloatArray
 
 def _sorted_into_columns(first: IntArray, last: IntArray, count: int) -> tuple[IntArray, IntArray]:
     """(start (count + 1,), members): the solids of column j are members[start[j]:start[j + 1]]."""
-    span = last - first + 1
-    solid = np.repeat(np.arange(len(first)), span)
-    column = (np.arange(span.sum()) - np.repeat(np.cumsum(span) - span, span) + np.repeat(first, span)) % count
-    order = np.argsort(column, kind="stable")
-    return np.searchsorted(column[order], np.arange(count + 1)).astype(np.int64), solid[order].astype(np.int64)
+    count_of = np.zeros(count + 1, dtype=np.int64)
+    _count_columns(first, last, count_of)
+    start = np.cumsum(count_of)
+    members = np.empty(start[-1], dtype=np.int64)
+    _fill_columns(first, last, start.copy(), members)
+    return start, members
+
+
+@njit(cache=True, error_model="numpy")
+def _count_columns(first: IntArray, last: IntArray, count_of: IntArray) -> None:
+    """Count the solids of column j in count_of[j + 1]."""
+    for solid in range(len(first)):
+        for column in range(first[solid], last[solid] + 1):
+            count_of[column % (len(count_of) - 1) + 1] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_columns(first: IntArray, last: IntArray, place: IntArray, members: IntArray) -> None:
+    """Write each solid to the next free place of its columns."""
+    for solid in range(len(first)):
+        for column in range(first[solid], last[solid] + 1):
+            j = column % (len(place) - 1)
+            members[place[j]] = solid
+            place[j] += 1
 
 
 def _surface(ground: Ground) -> tuple[npt.NDArray[np.float32], FloatArray]:

@@ -14,9 +14,9 @@ from wzsumo.study.site import Site
 
 
 def assess(
-    grid: OccupancyGrid, plan: Plan, run: EgoRun | None, *, crowd: Crowd, scenario: Scenario, site: Site
+    grid: OccupancyGrid, plan: Plan, run: EgoRun | None, *, crowd: Crowd | None, scenario: Scenario, site: Site
 ) -> dict[str, Any]:
-    """Figures of one method, as result.json has them; `run` is None where nothing was driven."""
+    """Figures of one method, as result.json has them; `run` is None where nothing was driven, `crowd` where none was asked."""
     quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
     planned, driven = (
         None if poses is None else asdict(clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout))
@@ -26,8 +26,8 @@ def assess(
     return {
         "outcome": str(run.outcome if run else Outcome.NO_PATH),
         "reason": run.reason if run else f"{plan.status}: {plan.reason}",
-        "n_traces": int(crowd.traces["vehicle_id"].nunique()),
-        "n_components": crowd.mixture.n_components,
+        "n_traces": int(crowd.traces["vehicle_id"].nunique()) if crowd else None,
+        "n_components": crowd.mixture.n_components if crowd else None,
         **asdict(quality),
         "min_clearance_devices_m": first.get("min_clearance_devices_m"),
         "min_clearance_road_edge_m": first.get("min_clearance_road_edge_m"),

@@ -21,9 +21,11 @@ from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.simulation.trips import read_trips, trips_file
 from wzsumo.spec import write_toml
 from wzsumo.study.assessment import assess
-from wzsumo.study.case_files import write_crowd, write_method, write_result, write_traces, write_traffic
+from wzsumo.study.baselines import map_baselines
+from wzsumo.study.case_files import write_crowd, write_method, write_path, write_result, write_traces, write_traffic
 from wzsumo.study.closed_loop import Drive, drive_path
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
+from wzsumo.study.goals import goal_figures, site_with_open_goal
 from wzsumo.study.layout_files import write_layout
 from wzsumo.study.mapping_methods import MAP_METHODS, Crowd, learn_from, planner_for
 from wzsumo.study.scenario import Scenario
@@ -67,15 +69,19 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
         crowd = learn_from(used, spec=scenario.mixture, seed=scenario.seed, progress=lambda done, _: tell(done))
     write_crowd(crowd, folder)
 
-    results = {}
-    for method in methods:
+    chosen, results = list(methods), {}
+    with clock.timing("baselines"):
+        baselines = map_baselines(chosen, fleet, scenario=scenario, site=site, progress=progress)
+    for method in chosen:
         with clock.timing(f"map {method}"):
-            grid = map_of_zone(method, crowd, scenario=scenario, site=site)
+            baseline = baselines.maps.get(method)
+            grid = baseline or map_of_zone(method, crowd, scenario=scenario, site=site)
         plan = plan_for(method, grid, scenario=scenario, site=site)
         with clock.timing(f"drive {method}"):
             run = drive_plan(plan, method, scenario=scenario, site=site, files=files, progress=progress)
-        results[method] = assess(grid, plan, run, crowd=crowd, scenario=scenario, site=site)
+        results[method] = assess(grid, plan, run, crowd=None if baseline else crowd, scenario=scenario, site=site)
         write_method(folder, method, grid, plan, run)
+        results[method]["goals"] = goals_of(method, grid, plan, scenario=scenario, site=site, folder=folder)
 
     result = {
         "scenario": scenario.name,
@@ -88,7 +94,8 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
         "fleet": asdict(summarise_fleet(fleet, site.layout)),
         "traffic": asdict(traffic.summary) | {"hcm_queue_discharge_vph": hcm_queue_discharge_vph(scenario)},
         "methods": results,
-        "not_run": NOT_RUN,
+        "slam": baselines.slam,
+        "not_run": {} if baselines.slam else NOT_RUN,
         "timings_s": clock.seconds,
     }
     return write_result(result, folder)
@@ -114,6 +121,19 @@ def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site
     """The plan from the site's start to its goal, by the planner that belongs to the method."""
     spec = planner_for(method, scenario.planner)
     return plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec)
+
+
+def goals_of(
+    method: str, grid: OccupancyGrid, plan: Plan, *, scenario: Scenario, site: Site, folder: Path
+) -> dict[str, dict[str, Any]]:
+    """Figures of the planned paths to the ego's own lane (`plan`) and, where the scenario asks for it, to the open lane."""
+    goals = {"own_lane": goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)}
+    lane, other = scenario.route.open_goal_lane, site_with_open_goal(site)
+    if lane is not None and other is not None:
+        to_open = plan_for(method, grid, scenario=scenario, site=other)
+        goals["open_lane"] = goal_figures(to_open, lane=lane, scenario=scenario, site=other)
+        write_path(folder, f"{method}_to_open_lane", to_open)
+    return goals
 
 
 def drive_plan(

@@ -33,10 +33,15 @@ def write_method(folder: Path, method: str, grid: OccupancyGrid, plan: Plan, run
     for name in ("maps", "paths", "drives"):
         (folder / name).mkdir(exist_ok=True)
     write_map(grid, folder / "maps", name=method)
-    if plan.path:
-        plan.path.to_csv(folder / "paths" / f"{method}.csv")
+    write_path(folder, method, plan)
     if run:
         run.log.to_csv(folder / "drives" / f"{method}.csv", index=False, float_format="%.5f")
+
+
+def write_path(folder: Path, name: str, plan: Plan) -> None:
+    """Write paths/NAME.csv where the plan has a path."""
+    if plan.path:
+        plan.path.to_csv(folder / "paths" / f"{name}.csv")
 
 
 def write_result(result: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from wzsumo.road import Road, RoadSpec
 from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.spec import Spec, parse_spec, read_toml
+from wzsumo.study.slam_spec import SlamSpec
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DeviceKind, WorkZone, WorkZoneLayout
 
@@ -37,6 +38,7 @@ class RouteSpec(Spec):
     start_before_zone_m: float = Field(150.0, gt=0)
     goal_lane: int = Field(ge=0)
     goal_after_zone_m: float = Field(100.0, gt=0)
+    open_goal_lane: int | None = Field(None, ge=0)  # of a second goal, in a lane that leads straight on from the open ones
 
 
 class MapSpec(Spec):
@@ -60,6 +62,7 @@ class Scenario(Spec):
     mixture: MixtureSpec = MixtureSpec()
     map: MapSpec = MapSpec()
     route: RouteSpec
+    slam: SlamSpec | None = None  # the LiDAR SLAM baseline is part of every run where this section is given
     vehicle: VehicleGeometry = VehicleGeometry()
     planner: PlannerSpec = PlannerSpec()
     control: ControlSpec = ControlSpec()
@@ -91,8 +94,9 @@ class Scenario(Spec):
         """Rear-axle poses (x, y, heading) of start and goal. Raises SpecError where they are not on the road."""
         route, road = self.route, layout.road
         stations = (layout.start - route.start_before_zone_m, layout.end + route.goal_after_zone_m)
-        for key, lane in (("start_lane", route.start_lane), ("goal_lane", route.goal_lane)):
-            if lane >= road.own_lanes:
+        for key in ("start_lane", "goal_lane", "open_goal_lane"):
+            lane = getattr(route, key)
+            if lane is not None and lane >= road.own_lanes:
                 raise SpecError(f"route.{key}={lane} must be a lane of the road, 0..{road.own_lanes - 1}")
         if not self.vehicle.length_m < stations[0] < stations[1] < road.length - self.vehicle.length_m:
             raise SpecError(
@@ -103,6 +107,12 @@ class Scenario(Spec):
             _lane_pose(road, station, lane) for station, lane in zip(stations, (route.start_lane, route.goal_lane), strict=True)
         )
         return start, goal
+
+    def open_goal(self, layout: WorkZoneLayout) -> Pose | None:
+        """Rear-axle pose of the second goal, None where the route names none."""
+        if self.route.open_goal_lane is None:
+            return None
+        return _lane_pose(layout.road, layout.end + self.route.goal_after_zone_m, self.route.open_goal_lane)
 
 
 def load_scenario(path: Path, *, seed: int | None = None) -> Scenario:

@@ -21,6 +21,7 @@ class Site:
     layout: WorkZoneLayout
     start: Pose
     goal: Pose
+    open_goal: Pose | None  # in a lane that stays open, where the scenario names one
     cells: OccupancyGrid  # all occupied
     nominal: BoolArray  # outside the announced zone, where the road is as it was
     counted: BoolArray  # the zone with its shoulders: where the quality of a map is counted
@@ -41,4 +42,13 @@ def prepare_site(scenario: Scenario) -> Site:
         nominal |= cells_inside(cells, road.strip(*stretch, 0.0, road.own_width))
     counted = cells_inside(cells, road.strip(layout.start, layout.end, -road.right_shoulder - margin, road.left_edge + margin))
     drivable = cells_inside(cells, layout.drivable_between(layout.start, layout.end)) & counted
-    return Site(layout=layout, start=start, goal=goal, cells=cells, nominal=nominal, counted=counted, drivable=drivable)
+    return Site(
+        layout=layout,
+        start=start,
+        goal=goal,
+        open_goal=scenario.open_goal(layout),
+        cells=cells,
+        nominal=nominal,
+        counted=counted,
+        drivable=drivable,
+    )

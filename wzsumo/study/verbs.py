@@ -17,6 +17,7 @@ from wzsumo.grid import FREE_THRESHOLD, blank_grid, read_map
 from wzsumo.output import staged_folder
 from wzsumo.planning.plan import PlannerSpec, plan_path
 from wzsumo.simulation.files import write_sumo_files
+from wzsumo.study.baselines import BASELINE_METHODS
 from wzsumo.study.case import run_case
 from wzsumo.study.figures import draw_zone
 from wzsumo.study.foreign_traces import map_foreign_traces
@@ -69,10 +70,11 @@ def write_net(scenario: Path, out: Path) -> Figures:
 def run_scenario(scenario: Path, out: Path, *, seed: int | None, methods: list[str] | None) -> Figures:
     """Run a whole case into `out`; its result."""
     spec = load_scenario(scenario, seed=seed)
-    chosen = methods or list(MAP_METHODS)
-    unknown = [name for name in chosen if name not in MAP_METHODS]
+    known = [*MAP_METHODS, *BASELINE_METHODS]
+    chosen = methods or (known if spec.slam else list(MAP_METHODS))
+    unknown = [name for name in chosen if name not in known]
     if unknown:
-        raise SpecError(f"--method {unknown[0]}: unknown; known methods: {', '.join(MAP_METHODS)}")
+        raise SpecError(f"--method {unknown[0]}: unknown; known methods: {', '.join(known)}")
     with staged_folder(out) as stage:
         result = run_case(spec, stage, methods=chosen, progress=progress_bar)
         write_report(stage)
