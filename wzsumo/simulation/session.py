@@ -36,12 +36,23 @@ class Traffic:
     widths: FloatArray
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Intrusion:
+    """The part of the ego that is in a lane which SUMO does not count it to."""
+
+    lane: int  # of the road, 0 = rightmost
+    front: FloatArray  # (3,) pose of the middle of its front edge
+    width: float  # m
+
+
 class Session:
     """A running simulation; made by `running`."""
 
     def __init__(self, libsumo: Any) -> None:
         self._sumo = libsumo
         self._sizes: dict[str, tuple[float, float]] = {}
+        self._stand_ins: dict[int, str] = {}
+        self._n_stand_ins = 0
 
     @property
     def time(self) -> float:
@@ -53,9 +64,9 @@ class Session:
         self._sumo.simulationStep()
 
     def traffic(self) -> Traffic:
-        """The vehicles on the road now, without the ego."""
+        """The vehicles on the road now, without the ego and what stands in for it."""
         vehicle = self._sumo.vehicle
-        ids = tuple(v for v in vehicle.getIDList() if v != EGO_ID)
+        ids = tuple(v for v in vehicle.getIDList() if not v.startswith(EGO_ID))
         for id_ in ids:
             if id_ not in self._sizes:
                 self._sizes[id_] = (vehicle.getLength(id_), vehicle.getWidth(id_))
@@ -94,20 +105,50 @@ class Session:
 
     def take_over_ego(self) -> None:
         """From now on the ego goes where `place_ego` puts it and nowhere else."""
-        self._sumo.vehicle.setSpeedMode(EGO_ID, 0)
-        self._sumo.vehicle.setLaneChangeMode(EGO_ID, 0)
+        self._take_over(EGO_ID)
         # Among themselves drivers never need more than their service brake; what a vehicle does that none of them is may.
         for type_ in self._sumo.vehicletype.getIDList():
             self._sumo.vehicletype.setEmergencyDecel(type_, EMERGENCY_DECEL_MPS2)
 
-    def place_ego(self, state: EgoState, vehicle: VehicleGeometry) -> None:
-        """Put the ego at `state` at the end of the coming step, which followers then see."""
-        x, y, heading = advance(state.pose, vehicle.axle_to_bumper_m)
+    def place_ego(self, state: EgoState, vehicle: VehicleGeometry, *, intrusions: tuple[Intrusion, ...] = ()) -> None:
+        """Put the ego at `state` at the end of the coming step, which drivers then see in every lane it reaches into.
+
+        SUMO counts a vehicle that moveToXY placed to the one lane nearest to its front: drivers in the next lane pass through
+        whatever reaches into theirs. A vehicle without a driver stands in for that part, for as long as it is there.
+        """
+        self._place(EGO_ID, advance(state.pose, vehicle.axle_to_bumper_m), speed=state.speed)
+        gone = self._stand_ins.keys() - {intrusion.lane for intrusion in intrusions}
+        for lane in sorted(gone):
+            self._remove(self._stand_ins.pop(lane))
+        for intrusion in intrusions:
+            if intrusion.lane not in self._stand_ins:
+                self._stand_ins[intrusion.lane] = self._add_stand_in()
+            name = self._stand_ins[intrusion.lane]
+            self._sumo.vehicle.setWidth(name, intrusion.width)
+            self._place(name, intrusion.front, speed=state.speed)
+
+    def _place(self, name: str, bumper: FloatArray, *, speed: float) -> None:
+        x, y, heading = bumper
         angle = float(sumo_angle_from_heading(heading))
         api = self._sumo.vehicle
-        api.moveToXY(EGO_ID, "", -1, x, y, angle=angle, keepRoute=_FREE_PLACEMENT, matchThreshold=_MATCH_RADIUS_M)
+        api.moveToXY(name, "", -1, x, y, angle=angle, keepRoute=_FREE_PLACEMENT, matchThreshold=_MATCH_RADIUS_M)
         # Without it SUMO infers a speed from the move, with spikes of 1 m/s.
-        api.setSpeed(EGO_ID, state.speed)
+        api.setSpeed(name, speed)
+
+    def _add_stand_in(self) -> str:
+        self._n_stand_ins += 1
+        name = f"{EGO_ID}.{self._n_stand_ins}"
+        self._sumo.vehicle.add(name, EGO_ID, typeID=EGO_ID, depart="now")
+        self._take_over(name)
+        return name
+
+    def _remove(self, name: str) -> None:
+        if name in self._sumo.vehicle.getIDList():
+            self._sumo.vehicle.remove(name)
+
+    def _take_over(self, name: str) -> None:
+        self._sumo.vehicle.setSpeedMode(name, 0)
+        self._sumo.vehicle.setLaneChangeMode(name, 0)
 
 
 @contextmanager

@@ -3,26 +3,23 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
-import shapely
-from shapely import Polygon
 
-from wzsumo.control.car_following import Leader
 from wzsumo.control.controller import Controller, ControlSpec
 from wzsumo.control.plant import PlantSpec, advance_ego
 from wzsumo.ego import Command, EgoRun, EgoState, Outcome
 from wzsumo.frames import FloatArray, advance
-from wzsumo.metrics.conflicts import boxes_overlap
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.files import SumoFiles
-from wzsumo.simulation.session import Session, Traffic, running
+from wzsumo.simulation.session import Session, running
+from wzsumo.study.giving_way import Way, whom_to_mind
+from wzsumo.study.lane_intrusion import intrusions
+from wzsumo.study.surroundings import Surroundings
 from wzsumo.tables import EGO_LOG_COLUMNS
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
-CONTROL_STEP_S = 0.05  # 20 commands a second
-FORESIGHT_S = 4.0  # how far other vehicles are carried on; a lane change at 10 m/s takes about that
+STEP_S = 0.05  # 20 commands a second, each followed by moveToXY
 INSERTION_WAIT_S = 120.0  # how long SUMO may look for a gap that a driver would enter
 
 
@@ -40,9 +37,12 @@ class Drive:
 def drive_path(
     path: ReferencePath, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive, on_step: Callable[[float], None]
 ) -> EgoRun:
-    """The run of the ego along `path` in the traffic of `files`. `on_step` is told the station [m] on the path each step."""
-    surroundings = _Surroundings(layout, drive.vehicle)
-    with running(files.config) as session:
+    """The run of the ego along `path` in the traffic of `files`. `on_step` is told the station [m] on the path each step.
+
+    The other drivers act once in the scenario's step, as they do without the ego.
+    """
+    surroundings = Surroundings(layout, drive.vehicle)
+    with running(files.config, options=_finer_steps(files)) as session:
         while session.time < drive.depart_s:
             session.step()
         state = _enter(session, path, layout=layout, files=files, drive=drive)
@@ -52,55 +52,29 @@ def drive_path(
                 outcome=Outcome.TIMED_OUT,
                 reason=f"no gap to enter the road within {INSERTION_WAIT_S:g} s",
             )
-        controller = Controller(path, drive.vehicle, drive.control)
-        substeps = max(1, round(files.step_length / CONTROL_STEP_S))
-        dt, rows = files.step_length / substeps, []
+        controller, control, rows = Controller(path, drive.vehicle, drive.control), drive.control, []
+        traffic = session.traffic()
         while True:
-            traffic = session.traffic()
-            ahead = _leader(state, traffic, path, controller.station_m, drive.vehicle)
-            beside = _passing(state, traffic, path, controller.station_m, drive.vehicle)
-            leader = min((it for it in (ahead, beside) if it), key=lambda it: it.gap_m, default=None)
-            for substep in range(substeps):
-                command = controller.command(state, dt=dt, leader=leader)
-                rows.append(_log_row(session.time + substep * dt, state, command, controller))
-                state = advance_ego(state, command, dt=dt, vehicle=drive.vehicle, spec=drive.plant)
-            session.place_ego(state, drive.vehicle)
+            way = Way(
+                path=path, station=controller.station_m, state=state, vehicle=drive.vehicle,
+                desired_speed=control.target_speed_mps, acceleration=control.idm.acceleration_mps2,
+            )  # fmt: skip
+            command = controller.command(state, dt=STEP_S, leader=whom_to_mind(way, traffic))
+            rows.append(_log_row(session.time, state, command, controller))
+            state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
+            seen = intrusions(state, drive.vehicle, road=layout.road, edges=files.edges)
+            session.place_ego(state, drive.vehicle, intrusions=seen)
             session.step()
             on_step(controller.station_m)
-            ended = surroundings.check(state, session.traffic()) or _ending(controller, session.time, drive)
+            traffic = session.traffic()
+            ended = surroundings.contact(state, traffic) or _ending(controller, session.time, drive)
             if ended:
                 return EgoRun(log=pd.DataFrame(rows, columns=list(EGO_LOG_COLUMNS)), outcome=ended[0], reason=ended[1])
 
 
-class _Surroundings:
-    """What the ego must not touch, prepared once."""
-
-    def __init__(self, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> None:
-        self._vehicle = vehicle
-        self._devices = shapely.STRtree(layout.device_outlines)
-        road = layout.road
-        self._closed = layout.closed_area
-        self._pavement = road.strip(-50.0, road.length + 50.0, -road.right_shoulder, road.left_edge)
-        shapely.prepare([self._closed, self._pavement])
-
-    def check(self, state: EgoState, traffic: Traffic) -> tuple[Outcome, str] | None:
-        """What the outline of the ego touches now, the worst first."""
-        outline = Polygon(self._vehicle.outline(state.pose))
-        where = f"at ({state.x:.1f}, {state.y:.1f}) m"
-        centre = advance(state.pose, self._vehicle.axle_to_centre_m)
-        size = np.array([self._vehicle.length_m, self._vehicle.width_m])
-        if traffic.ids:
-            sizes = np.column_stack([traffic.lengths, traffic.widths])
-            hit = boxes_overlap(centre, size, traffic.poses, sizes)
-            if hit.any():
-                return Outcome.COLLIDED, f"the outline overlaps vehicle {traffic.ids[int(np.argmax(hit))]} {where}"
-        if len(self._devices.query(outline, predicate="intersects")):
-            return Outcome.STRUCK_DEVICE, f"the outline touches a channelizing device {where}"
-        if shapely.intersects(self._closed, outline):
-            return Outcome.ENTERED_CLOSED_AREA, f"part of the outline is in the closed area {where}"
-        if not shapely.covers(self._pavement, outline):
-            return Outcome.LEFT_PAVEMENT, f"part of the outline is off the pavement {where}"
-        return None
+def _finer_steps(files: SumoFiles) -> tuple[str, ...]:
+    step = min(STEP_S, files.step_length)
+    return ("--step-length", f"{step:g}", "--default.action-step-length", f"{files.step_length:g}")
 
 
 def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive) -> EgoState | None:
@@ -123,60 +97,6 @@ def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, fil
 
 def _middle(right: Callable[[float], FloatArray], left: Callable[[float], FloatArray], station: float) -> float:
     return float(right(station) + left(station)) / 2
-
-
-def _leader(state: EgoState, traffic: Traffic, path: ReferencePath, station: float, vehicle: VehicleGeometry) -> Leader | None:
-    """The nearest vehicle ahead whose body reaches into the ego's way along the path."""
-    if not traffic.ids:
-        return None
-    reach = max(30.0, 6 * state.speed)
-    s = path.arc_length
-    ahead = (s >= station) & (s <= station + reach)
-    if ahead.sum() < 2:
-        return None
-    way, way_s = path.poses[ahead], s[ahead]
-    offset = traffic.poses[:, None, :2] - way[None, :, :2]
-    nearest = np.argmin(np.einsum("ijk,ijk->ij", offset, offset), axis=1)
-    index = np.arange(len(traffic.ids))
-    heading = way[nearest, 2]
-    along = offset[index, nearest, 0] * np.cos(heading) + offset[index, nearest, 1] * np.sin(heading)
-    across = -offset[index, nearest, 0] * np.sin(heading) + offset[index, nearest, 1] * np.cos(heading)
-    gap = way_s[nearest] - station + along - traffic.lengths / 2 - vehicle.axle_to_bumper_m
-    in_way = (np.abs(across) < (traffic.widths + vehicle.width_m) / 2) & (along > -1.0) & (along < 5.0) & (nearest > 0)
-    in_way &= gap > -traffic.lengths
-    if not in_way.any():
-        return None
-    first = int(np.argmin(np.where(in_way, gap, np.inf)))
-    return Leader(gap_m=float(max(gap[first], 0.0)), speed_mps=float(traffic.speeds[first]))
-
-
-def _passing(state: EgoState, traffic: Traffic, path: ReferencePath, station: float, vehicle: VehicleGeometry) -> Leader | None:
-    """The place where the ego's way meets that of a vehicle beside or behind it, as a leader that stands there.
-
-    Both are carried on for FORESIGHT_S at the speeds that they have. Slowing down holds the ego's drift towards the other
-    lane back until the other has passed. Vehicles that follow in the ego's own way keep their distance themselves.
-    """
-    if not traffic.ids:
-        return None
-    centre = advance(state.pose, vehicle.axle_to_centre_m)
-    offset = traffic.poses[:, :2] - centre[:2]
-    along = offset @ np.array([np.cos(state.heading), np.sin(state.heading)])
-    across = offset @ np.array([-np.sin(state.heading), np.cos(state.heading)])
-    near = (along > -60) & (along < 10) & (np.abs(across) > (traffic.widths + vehicle.width_m) / 2)
-    if not near.any():
-        return None
-    times = np.arange(0.25, FORESIGHT_S + 0.01, 0.25)
-    s = path.arc_length
-    index = np.clip(np.searchsorted(s, station + state.speed * times), 0, len(s) - 1)
-    ego = advance(path.poses[index], vehicle.axle_to_centre_m)
-    others = advance(np.repeat(traffic.poses[near][:, None], len(times), axis=1), traffic.speeds[near][:, None] * times)
-    # The ego is taken this much wider and longer, for what speeds and places are not known to.
-    size = np.array([vehicle.length_m + 2.0, vehicle.width_m + 0.6])
-    sizes = np.column_stack([traffic.lengths, traffic.widths])[near][:, None]
-    hit = boxes_overlap(ego[None], size, others, sizes).any(axis=0)
-    if not hit.any():
-        return None
-    return Leader(gap_m=float(state.speed * times[int(np.argmax(hit))]), speed_mps=0.0)
 
 
 def _ending(controller: Controller, time: float, drive: Drive) -> tuple[Outcome, str] | None:
