@@ -1,40 +1,102 @@
 import numpy as np
+import pytest
+from builders import paper_layout
+from hypothesis import given
+from hypothesis import strategies as st
 
 from wzsumo.ego import EgoState
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.session import Traffic
-from wzsumo.study.closed_loop import _passing
+from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait, way_along, whom_to_mind
 from wzsumo.vehicle import VehicleGeometry
 
-EGO = EgoState(x=0.0, y=0.0, heading=0.0, speed=10.0)
+CAR = VehicleGeometry()
+LAYOUT = paper_layout()
+LANE = 12 * 0.3048
+RIGHT, MIDDLE = 0.5 * LANE, 1.5 * LANE
 
 
-def one_vehicle(x, y, *, speed):
+def one_vehicle(ahead_m, y, *, speed, heading=0.0):
+    """A car whose centre is so far ahead of the ego's, which is at x = 51.4 m."""
     return Traffic(
         ids=("other",),
-        poses=np.array([[x, y, 0.0]]),
+        poses=np.array([[50 + CAR.axle_to_centre_m + ahead_m, y, heading]]),
         speeds=np.array([speed]),
         lengths=np.array([4.8]),
         widths=np.array([1.85]),
     )
 
 
-def path_to_the_left(*, slope):
-    s = np.arange(0.0, 100.0)
-    return ReferencePath(poses=np.column_stack([s, slope * s, np.full_like(s, np.arctan(slope))]))
+def way(y=RIGHT, *, slope=0.0, speed=10.0, desired_speed=10.0, x=50.0):
+    """The ego at the start of a path from (x, y) that drifts to the left by `slope`."""
+    s = np.arange(0.0, 200.0)
+    path = ReferencePath(poses=np.column_stack([x + s, y + slope * s, np.full_like(s, np.arctan(slope))]))
+    return Way(
+        path=path, along=way_along(path, layout=LAYOUT, vehicle=CAR), station=0.0, vehicle=CAR,
+        state=EgoState(x=x, y=y, heading=float(np.arctan(slope)), speed=speed),
+        desired_speed=desired_speed, acceleration=1.4,
+    )  # fmt: skip
 
 
-def test_vehicle_that_passes_where_the_ego_drifts_to_is_given_way():
-    # 3.6 m to the left and 20 m behind at 20 m/s: alongside after 2 s, when the ego has drifted 2 m towards it.
-    leader = _passing(EGO, one_vehicle(-20, 3.6, speed=20), path_to_the_left(slope=0.1), 0.0, VehicleGeometry())
+def waiting_place(way, traffic):
+    return place_to_wait(way, traffic, layout=LAYOUT)
+
+
+def test_ego_waits_for_a_vehicle_that_would_be_alongside_where_it_drifts_to():
+    # In the next lane 20 m behind at 20 m/s: alongside after 2 s, when the ego has drifted 2 m towards it.
+    leader = waiting_place(way(slope=0.1), one_vehicle(-20, MIDDLE, speed=20))
     assert leader is not None
     assert leader.speed_mps == 0
-    assert 10 <= leader.gap_m <= 20
+    # 3.66 m apart, 1.86 m wide and 0.3 m of margin: reached after 1.5 m of drift, less 0.14 m that the centre is ahead.
+    assert leader.gap_m == pytest.approx(14, abs=2.5)  # a step of 0.25 s at 10 m/s
 
 
-def test_vehicle_that_passes_in_its_own_lane_beside_a_straight_path_is_not():
-    assert _passing(EGO, one_vehicle(-20, 3.6, speed=20), path_to_the_left(slope=0.0), 0.0, VehicleGeometry()) is None
+def test_ego_does_not_wait_for_a_vehicle_that_passes_beside_its_straight_path():
+    assert waiting_place(way(), one_vehicle(-20, MIDDLE, speed=20)) is None
 
 
-def test_vehicle_that_follows_in_the_egos_own_way_is_not():
-    assert _passing(EGO, one_vehicle(-20, 0.0, speed=20), path_to_the_left(slope=0.1), 0.0, VehicleGeometry()) is None
+def test_ego_does_not_wait_for_the_driver_who_follows_in_its_own_lane():
+    assert waiting_place(way(slope=0.1), one_vehicle(-20, RIGHT, speed=20)) is None
+
+
+def test_ego_does_not_wait_for_a_driver_who_is_past_when_it_comes_over():
+    assert waiting_place(way(slope=0.1), one_vehicle(12, MIDDLE, speed=30)) is None
+
+
+@pytest.mark.parametrize(("behind_m", "waits"), [(40, True), (50, False)])
+def test_ego_waits_for_the_driver_behind_who_could_not_brake_and_for_no_other(behind_m, waits):
+    # The ego comes over after 1.4 to 1.5 s. Closing at 10 m/s the other is 15 m nearer by then and needs
+    # 2 + 10 + 100 / 8 = 24.5 m besides half the lengths of both, 4.7 m: 44 m behind is the border.
+    assert (waiting_place(way(slope=0.1), one_vehicle(-behind_m, MIDDLE, speed=20)) is not None) == waits
+
+
+def test_standing_ego_looks_at_where_it_would_be_after_moving_off():
+    # From standstill the lane is reached after sqrt(2 * 14 / 1.4) = 4.5 s; the other, 70 m behind at 18 m/s, is there then.
+    assert waiting_place(way(slope=0.1, speed=0.0), one_vehicle(-70, MIDDLE, speed=18)) is not None
+
+
+def test_lanes_that_shift_together_bring_nobody_into_anothers_way():
+    shifting = LAYOUT.area("shifting taper")
+    drift = -LANE / shifting.length  # of the lanes, by 12 ft to the right
+    x = shifting.start + 10
+    path = way(MIDDLE + 10 * drift, slope=drift, x=x)
+    beside = np.array([[x, RIGHT + 10 * drift, np.arctan(drift)]])
+    other = Traffic(ids=("other",), poses=beside, speeds=np.array([12.0]), lengths=np.array([4.8]), widths=np.array([1.85]))
+    assert waiting_place(path, other) is None
+
+
+def test_vehicle_ahead_in_the_way_is_the_leader_with_the_gap_between_bumpers():
+    leader = leader_ahead(way(), one_vehicle(30.0, RIGHT + 0.5, speed=7))
+    assert leader is not None
+    assert leader.gap_m == pytest.approx(30 - (4.8 + CAR.length_m) / 2, abs=1.0)  # the path has a pose a metre
+    assert leader.speed_mps == 7
+
+
+def test_empty_road_leaves_nobody_to_mind():
+    nobody = Traffic(ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), lengths=np.empty(0), widths=np.empty(0))
+    assert whom_to_mind(way(slope=0.1), nobody, layout=LAYOUT) is None
+
+
+@given(ahead=st.floats(-150, 20), y=st.floats(-2, 11), speed=st.floats(0, 40), ego_speed=st.floats(0, 30))
+def test_ego_that_keeps_straight_on_waits_for_nobody(ahead, y, speed, ego_speed):
+    assert waiting_place(way(speed=ego_speed), one_vehicle(ahead, y, speed=speed)) is None

@@ -89,6 +89,13 @@ def swept_map(mixture: Mixture, *, half_width_m: float, spec: MixtureSpec, grid:
     return grid.with_p_occupied(np.where(free, np.float32(0.0), np.float32(UNKNOWN)))
 
 
+def driven_lines(mixture: Mixture) -> FloatArray:
+    """Lines (K, 2, 2), ends x, y [m], in the middle of the stretches that the components stand for, as in `swept_map`."""
+    variances, axes = np.linalg.eigh(mixture.covariances)
+    half = math.sqrt(3) * np.sqrt(np.maximum(variances[:, 1], 0))[:, None] * axes[:, :, 1]
+    return np.stack([mixture.means - half, mixture.means + half], axis=1)
+
+
 def _mark_stretch(
     free: BoolArray, grid: OccupancyGrid, *, mean: FloatArray, axes: FloatArray, half: FloatArray, around: float
 ) -> None:

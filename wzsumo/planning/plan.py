@@ -49,13 +49,22 @@ class Plan:
     timings_ms: dict[str, float]  # distance_field, heuristic, search, smoothing, check, total
 
 
-def plan_path(grid: OccupancyGrid, *, start: Pose, goal: Pose, vehicle: VehicleGeometry, spec: PlannerSpec) -> Plan:
+def plan_path(
+    grid: OccupancyGrid,
+    *,
+    start: Pose,
+    goal: Pose,
+    vehicle: VehicleGeometry,
+    spec: PlannerSpec,
+    guide: FloatArray | None = None,
+) -> Plan:
     """The plan from `start` to `goal`, poses (x [m], y [m], heading [rad]) of the REAR AXLE in the world.
 
+    `guide` (n, 2, 2) are lines [m] along which vehicles drive, where they are known; leaving them costs.
     Raises MapError where a pose lies off the map or the map is too large.
     """
     refuse_off_map(grid, start, name="start")
-    field = prepare(grid, goal=goal, vehicle=vehicle, spec=spec)
+    field = prepare(grid, goal=goal, vehicle=vehicle, spec=spec, guide=guide)
     plan = plan_from(field, start=start)
     total = plan.timings_ms["total"] + sum(field.timings_ms.values())
     return replace(plan, timings_ms=plan.timings_ms | field.timings_ms | {"total": total})

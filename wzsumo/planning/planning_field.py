@@ -34,8 +34,10 @@ class PlanningField:
     timings_ms: dict[str, float]  # distance_field, heuristic
 
 
-def prepare(grid: OccupancyGrid, *, goal: Pose, vehicle: VehicleGeometry, spec: PlannerSpec) -> PlanningField:
-    """The field of a goal pose (x [m], y [m], heading [rad]) of the REAR AXLE.
+def prepare(
+    grid: OccupancyGrid, *, goal: Pose, vehicle: VehicleGeometry, spec: PlannerSpec, guide: FloatArray | None = None
+) -> PlanningField:
+    """The field of a goal pose (x [m], y [m], heading [rad]) of the REAR AXLE, and of a guide (n, 2, 2) where there is one.
 
     Raises MapError where the goal lies off the map or the map is too large.
     """
@@ -50,7 +52,7 @@ def prepare(grid: OccupancyGrid, *, goal: Pose, vehicle: VehicleGeometry, spec: 
     outline = outline_body(vehicle)
     body = POINT_BODY if spec.body == "point" else outline
     reach = max(inscribed_radius(body) + spec.preferred_clearance_m, outline.disc_radius + MEASURED_CLEARANCE_M)
-    terrain = terrain_of(grid, body=body, spec=spec, reach_m=reach + grid.resolution)
+    terrain = terrain_of(grid, body=body, spec=spec, reach_m=reach + grid.resolution, guide=guide)
     measured = time.perf_counter()
     (row,), (col,) = grid.cell_of(goal[:2])
     remaining = cost_to_go(

@@ -8,9 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.distance_field import FieldArray, distance_field
 from wzsumo.planning.footprint import Body, inscribed_radius
+from wzsumo.planning.guide import off_guide
 from wzsumo.planning.planner_spec import PlannerSpec
 
 
@@ -25,8 +27,10 @@ class Terrain(NamedTuple):
     resolution: float  # m
 
 
-def terrain_of(grid: OccupancyGrid, *, body: Body, spec: PlannerSpec, reach_m: float) -> Terrain:
-    """The terrain of a map; distances are clipped at `reach_m` [m]."""
+def terrain_of(
+    grid: OccupancyGrid, *, body: Body, spec: PlannerSpec, reach_m: float, guide: FloatArray | None = None
+) -> Terrain:
+    """The terrain of a map and of a guide (n, 2, 2), see `guide`; distances are clipped at `reach_m` [m]."""
     # One kind of array for the kernels, own and writable: they are compiled for no other.
     p_occupied = np.require(grid.p_occupied, dtype=np.float32, requirements=["C", "W"])
     resolution = float(grid.resolution)
@@ -47,6 +51,12 @@ def terrain_of(grid: OccupancyGrid, *, body: Body, spec: PlannerSpec, reach_m: f
         np.float32(spec.clearance_cost),
         np.float32(spec.occupancy_cost),
     )
+    if guide is not None and len(guide):
+        _add_guide(
+            multiplier,
+            off_guide(guide, grid=grid, slack_m=spec.guide_slack_m, reach_m=spec.guide_reach_m),
+            np.float32(spec.guide_cost),
+        )
     return Terrain(distance=distance, multiplier=multiplier, p_occupied=p_occupied, resolution=resolution)
 
 
@@ -77,3 +87,12 @@ def _multiplier(
             fits = (apart > zero) & (apart + half_diagonal >= inscribed)
             multiplier[row + 1, col + 1] = cost if fits else infinite
     return multiplier
+
+
+@njit(cache=True, error_model="numpy")
+def _add_guide(multiplier: FieldArray, off: FieldArray, guide_cost: np.float32) -> None:
+    """Make each metre dearer by what it is off the guide; `off` has no border."""
+    rows, cols = off.shape
+    for row in range(rows):
+        for col in range(cols):
+            multiplier[row + 1, col + 1] += guide_cost * off[row, col]

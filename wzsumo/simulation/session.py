@@ -21,6 +21,8 @@ from wzsumo.vehicle import VehicleGeometry
 
 EGO_ID = "ego"
 EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for cars
+# Drivers keep it beside the ego, which is that much wider in SUMO: they keep none to a vehicle that moveToXY placed.
+SIDE_CLEARANCE_M = 0.3
 _FREE_PLACEMENT = 2  # keepRoute of moveToXY: exactly where it is told, also beside the lanes (SUMO docs, TraCI moveToXY)
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
 
@@ -86,7 +88,7 @@ class Session:
         api = self._sumo
         api.vehicletype.copy("DEFAULT_VEHTYPE", EGO_ID)
         api.vehicletype.setLength(EGO_ID, vehicle.length_m)
-        api.vehicletype.setWidth(EGO_ID, vehicle.width_m)
+        api.vehicletype.setWidth(EGO_ID, vehicle.width_m + 2 * SIDE_CLEARANCE_M)
         edges = api.route.getEdges("through")
         api.route.add(EGO_ID, edges[edges.index(edge) :])
         api.vehicle.add(

@@ -12,6 +12,7 @@ import numpy as np
 from wzsumo import __version__
 from wzsumo.ego import EgoRun
 from wzsumo.errors import SpecError
+from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.fleet import summarise_fleet
 from wzsumo.metrics.traffic import measure_traffic
@@ -26,6 +27,7 @@ from wzsumo.study.case_files import write_crowd, write_method, write_path, write
 from wzsumo.study.closed_loop import Drive, drive_path
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
 from wzsumo.study.goals import goal_figures, site_with_open_goal
+from wzsumo.study.guides import crowd_guide, nominal_guide
 from wzsumo.study.layout_files import write_layout
 from wzsumo.study.mapping_methods import MAP_METHODS, Crowd, learn_from, planner_for
 from wzsumo.study.scenario import Scenario
@@ -76,12 +78,13 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
         with clock.timing(f"map {method}"):
             baseline = baselines.maps.get(method)
             grid = baseline or map_of_zone(method, crowd, scenario=scenario, site=site)
-        plan = plan_for(method, grid, scenario=scenario, site=site)
+        guide = nominal_guide(site) if baseline else crowd_guide(crowd, site=site)
+        plan = plan_for(method, grid, scenario=scenario, site=site, guide=guide)
         with clock.timing(f"drive {method}"):
             run = drive_plan(plan, method, scenario=scenario, site=site, files=files, progress=progress)
         results[method] = assess(grid, plan, run, crowd=None if baseline else crowd, scenario=scenario, site=site)
         write_method(folder, method, grid, plan, run)
-        results[method]["goals"] = goals_of(method, grid, plan, scenario=scenario, site=site, folder=folder)
+        results[method]["goals"] = goals_of(method, grid, plan, scenario=scenario, site=site, guide=guide, folder=folder)
 
     result = {
         "scenario": scenario.name,
@@ -117,20 +120,20 @@ def map_of_zone(method: str, crowd: Crowd, *, scenario: Scenario, site: Site) ->
     return learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
 
 
-def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site) -> Plan:
+def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, guide: FloatArray) -> Plan:
     """The plan from the site's start to its goal, by the planner that belongs to the method."""
     spec = planner_for(method, scenario.planner)
-    return plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec)
+    return plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec, guide=guide)
 
 
 def goals_of(
-    method: str, grid: OccupancyGrid, plan: Plan, *, scenario: Scenario, site: Site, folder: Path
+    method: str, grid: OccupancyGrid, plan: Plan, *, scenario: Scenario, site: Site, guide: FloatArray, folder: Path
 ) -> dict[str, dict[str, Any]]:
     """Figures of the planned paths to the ego's own lane (`plan`) and, where the scenario asks for it, to the open lane."""
     goals = {"own_lane": goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)}
     lane, other = scenario.route.open_goal_lane, site_with_open_goal(site)
     if lane is not None and other is not None:
-        to_open = plan_for(method, grid, scenario=scenario, site=other)
+        to_open = plan_for(method, grid, scenario=scenario, site=other, guide=guide)
         goals["open_lane"] = goal_figures(to_open, lane=lane, scenario=scenario, site=other)
         write_path(folder, f"{method}_to_open_lane", to_open)
     return goals

@@ -12,7 +12,7 @@ from wzsumo.frames import FloatArray, advance
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.session import Session, running
-from wzsumo.study.giving_way import Way, whom_to_mind
+from wzsumo.study.giving_way import Way, way_along, whom_to_mind
 from wzsumo.study.lane_intrusion import intrusions
 from wzsumo.study.surroundings import Surroundings
 from wzsumo.tables import EGO_LOG_COLUMNS
@@ -53,16 +53,16 @@ def drive_path(
                 reason=f"no gap to enter the road within {INSERTION_WAIT_S:g} s",
             )
         controller, control, rows = Controller(path, drive.vehicle, drive.control), drive.control, []
-        traffic = session.traffic()
+        traffic, along = session.traffic(), way_along(path, layout=layout, vehicle=drive.vehicle)
         while True:
             way = Way(
-                path=path, station=controller.station_m, state=state, vehicle=drive.vehicle,
+                path=path, along=along, station=controller.station_m, state=state, vehicle=drive.vehicle,
                 desired_speed=control.target_speed_mps, acceleration=control.idm.acceleration_mps2,
             )  # fmt: skip
-            command = controller.command(state, dt=STEP_S, leader=whom_to_mind(way, traffic))
+            command = controller.command(state, dt=STEP_S, leader=whom_to_mind(way, traffic, layout=layout))
             rows.append(_log_row(session.time, state, command, controller))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
-            seen = intrusions(state, drive.vehicle, road=layout.road, edges=files.edges)
+            seen = intrusions(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
             session.place_ego(state, drive.vehicle, intrusions=seen)
             session.step()
             on_step(controller.station_m)

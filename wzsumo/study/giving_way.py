@@ -14,6 +14,7 @@ from wzsumo.frames import FloatArray, advance
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.session import Traffic
 from wzsumo.vehicle import VehicleGeometry
+from wzsumo.work_zone import WorkZoneLayout
 
 FORESIGHT_S = 5.0  # comfortable braking from 10 m/s at 2 m/s2
 TIME_STEP_S = 0.25
@@ -21,6 +22,7 @@ SAFE_DECELERATION_MPS2 = 4.0  # asked of the driver behind; b_safe of Kesting, T
 REACTION_TIME_S = 1.0  # of the driver behind; SUMO's default tau
 SIDE_MARGIN_M = 0.3  # the same that other drivers keep beside the ego
 END_MARGIN_M = 2.0  # standstill gap of the intelligent driver model, Treiber et al. 2000
+LEAST_MOVE_M = 0.1  # sideways; less is no move into another's way, though the other may have come near
 _BEHIND_M, _AHEAD_M = 150.0, 20.0  # who may come alongside within the foresight
 
 
@@ -29,6 +31,7 @@ class Way:
     """The ego on its path: where it is and how it would go on if nobody hindered it."""
 
     path: ReferencePath
+    along: FloatArray  # (n, 2) station and lateral offset [m] on the road of the vehicle's CENTRE, one row a pose of the path
     station: float  # m, of the rear axle along the path
     state: EgoState
     vehicle: VehicleGeometry
@@ -36,11 +39,16 @@ class Way:
     acceleration: float  # m/s2, with which it takes up speed
 
 
-def whom_to_mind(way: Way, traffic: Traffic) -> Leader | None:
+def way_along(path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> FloatArray:
+    """`Way.along` of a path, which stays the same on all of it."""
+    return np.column_stack(layout.road.to_sd(advance(path.poses, vehicle.axle_to_centre_m)[:, :2]))
+
+
+def whom_to_mind(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leader | None:
     """The nearest of the vehicle ahead and of the place where the ego must wait, None where the way is clear."""
     if not traffic.ids:
         return None
-    both = (leader_ahead(way, traffic), place_to_wait(way, traffic))
+    both = (leader_ahead(way, traffic), place_to_wait(way, traffic, layout=layout))
     return min((it for it in both if it), key=lambda it: it.gap_m, default=None)
 
 
@@ -65,46 +73,51 @@ def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
     return Leader(gap_m=float(max(gap[first], 0.0)), speed_mps=float(traffic.speeds[first]))
 
 
-def place_to_wait(way: Way, traffic: Traffic) -> Leader | None:
+def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leader | None:
     """The place, as a leader that stands there, where the ego would come into the way of a driver who could not yield.
 
-    All are carried on along their headings at the speeds that they have, the ego along its path at the speed that it would
-    take up. It comes into another's way when its outline reaches beside the other's body; then the other must be past, or so
-    far behind that it can brake to the ego's speed with SAFE_DECELERATION_MPS2 after REACTION_TIME_S. Whoever is in the
-    ego's way already follows it, or is followed.
+    The others go on with the speeds that they have and keep their places in their lanes, wherever those lead; the ego goes on
+    along its path with the speed that it would take up. It comes into another's way when it moves to the side so far that
+    their bodies would meet; then the other must be past, or so far behind that it can brake to the ego's speed with
+    SAFE_DECELERATION_MPS2 after REACTION_TIME_S. Whoever is in the ego's way already follows it, or is followed.
     """
-    state, vehicle = way.state, way.vehicle
-    now = advance(state.pose, vehicle.axle_to_centre_m)
-    along, across = _in_frame(traffic.poses[:, :2] - now[:2], np.full(len(traffic.ids), now[2]))
-    half_width = (traffic.widths + vehicle.width_m) / 2
-    beside = (along > -_BEHIND_M) & (along < _AHEAD_M) & (np.abs(across) > half_width)
-    if not beside.any():
+    own_now = np.array([np.interp(way.station, way.path.arc_length, column) for column in way.along.T])
+    station, across = layout.road.to_sd(traffic.poses[:, :2])
+    near = (station > own_now[0] - _BEHIND_M) & (station < own_now[0] + _AHEAD_M)
+    if not near.any():
         return None
-    others, speeds = traffic.poses[beside], traffic.speeds[beside]
-    half_width, half_length = half_width[beside], (traffic.lengths[beside] + vehicle.length_m) / 2
-    times = np.arange(TIME_STEP_S, FORESIGHT_S + 1e-9, TIME_STEP_S)
-    stations, own_speeds = _carried_on(way, times)
-    s = way.path.arc_length
-    index = np.clip(np.searchsorted(s, stations), 0, len(s) - 1)
-    own = advance(way.path.poses[index], vehicle.axle_to_centre_m)
-    theirs = advance(np.repeat(others[:, None], len(times), axis=1), speeds[:, None] * times)
-    along, across = _in_frame(theirs[..., :2] - own[None, :, :2], np.broadcast_to(own[:, 2], theirs.shape[:2]))
-    in_their_way = np.abs(across) < half_width[:, None] + SIDE_MARGIN_M
-    entry = np.argmax(in_their_way, axis=1)
-    who = np.arange(len(others))
-    gap_behind = -along[who, entry] - half_length
+    station, across, speeds = station[near], across[near], traffic.speeds[near]
+    half_width, half_length = (
+        (traffic.widths[near] + way.vehicle.width_m) / 2,
+        (traffic.lengths[near] + way.vehicle.length_m) / 2,
+    )
+    times = np.arange(0.0, FORESIGHT_S + 1e-9, TIME_STEP_S)
+    path_stations, own_speeds = _carried_on(way, times)
+    own = np.column_stack([np.interp(path_stations, way.path.arc_length, column) for column in way.along.T])
+    side_gap = np.abs(own[:, 1] - _tracks(station, across, own[:, 0], layout=layout)) - half_width[:, None]
+    moved_into = (side_gap < SIDE_MARGIN_M) & (side_gap < side_gap[:, :1] - LEAST_MOVE_M) & (side_gap[:, :1] > 0)
+    entry = np.argmax(moved_into, axis=1)
+    ahead = station + speeds * times[entry] - own[entry, 0]  # of the other before the ego, centre to centre
     closing = np.maximum(speeds - own_speeds[entry], 0.0)
     needed = END_MARGIN_M + closing * REACTION_TIME_S + closing**2 / (2 * SAFE_DECELERATION_MPS2)
-    past = along[who, entry] - half_length > END_MARGIN_M
-    hindered = in_their_way.any(axis=1) & ~past & (gap_behind < needed)
+    clear = (ahead - half_length > END_MARGIN_M) | (-ahead - half_length > needed)
+    hindered = moved_into.any(axis=1) & ~clear
     if not hindered.any():
         return None
-    first = int(entry[hindered].min())
-    return Leader(gap_m=float(stations[first] - way.station), speed_mps=0.0)
+    return Leader(gap_m=float(path_stations[entry[hindered].min()] - way.station), speed_mps=0.0)
+
+
+def _tracks(station: FloatArray, across: FloatArray, at: FloatArray, *, layout: WorkZoneLayout) -> FloatArray:
+    """Lateral offsets (n, m) at stations `at` (m,) of vehicles (n,) that keep their places in their lanes."""
+    here = np.array([lane.right(station) + lane.left(station) for lane in layout.lanes]) / 2
+    there = np.array([lane.right(at) + lane.left(at) for lane in layout.lanes]) / 2
+    lane = np.argmin(np.abs(here - across), axis=0)
+    beside = across - here[lane, np.arange(len(across))]
+    return np.asarray(there[lane] + beside[:, None])
 
 
 def _carried_on(way: Way, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Stations and speeds (n,) of the ego at times (n,) if it takes up or keeps its desired speed."""
+    """Stations on the path and speeds (n,) of the ego at times (n,) if it takes up or keeps its desired speed."""
     speed, wanted = way.state.speed, max(way.desired_speed, way.state.speed)
     until = (wanted - speed) / way.acceleration
     rising = np.minimum(times, until)

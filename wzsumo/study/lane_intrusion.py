@@ -4,30 +4,53 @@ import numpy as np
 
 from wzsumo.ego import EgoState
 from wzsumo.frames import advance
+from wzsumo.grid import BoolArray
 from wzsumo.road import Road
 from wzsumo.simulation.network import Edge
-from wzsumo.simulation.session import Intrusion
+from wzsumo.simulation.session import SIDE_CLEARANCE_M, Intrusion, Traffic
 from wzsumo.vehicle import VehicleGeometry
 
-SIDE_CLEARANCE_M = 0.3  # that a driver keeps to what reaches into the lane; SUMO keeps none to a vehicle placed by moveToXY
 LEAST_REACH_M = 0.02  # less is not an intrusion
+TIE_M = 0.1  # so near the line between two lanes nobody knows to which one SUMO counts the ego: it is shown in both
 
 
-def intrusions(state: EgoState, vehicle: VehicleGeometry, *, road: Road, edges: tuple[Edge, ...]) -> tuple[Intrusion, ...]:
-    """What other drivers must see of the ego in lanes next to its own, each with SIDE_CLEARANCE_M beside it."""
+def intrusions(
+    state: EgoState, vehicle: VehicleGeometry, traffic: Traffic, *, road: Road, edges: tuple[Edge, ...]
+) -> tuple[Intrusion, ...]:
+    """What other drivers must see of the ego in lanes next to its own, each with SIDE_CLEARANCE_M beside it.
+
+    A lane where somebody is beside the ego is left out: shown to that driver it would be a leader whom he has run into, and he
+    would stop there for good. He drives on; who follows him sees the ego afterwards.
+    """
     front = advance(state.pose, vehicle.axle_to_bumper_m)
     (station,), (across,) = road.to_sd(front[None, :2])
     edge = next((edge for edge in edges if edge.start <= station < edge.end), edges[-1])
     borders = [(float(lane.right(station)), float(lane.left(station))) for lane in edge.lanes]
-    own = int(np.argmin([abs((right + left) / 2 - across) for right, left in borders]))
+    from_centre = np.array([abs((right + left) / 2 - across) for right, left in borders])
+    nearest = int(np.argmin(from_centre))
+    own = None if (np.delete(from_centre, nearest) < from_centre[nearest] + TIE_M).any() else nearest
     _, offsets = road.to_sd(vehicle.outline(state.pose))
     lowest, highest = float(offsets.min()), float(offsets.max())
+    beside = _beside(state, vehicle, traffic)
+    _, theirs = road.to_sd(traffic.poses[beside, :2]) if beside.any() else (None, np.empty(0))
     found = []
     for index, (right, left) in enumerate(borders):
         if index == own or min(left, highest) - max(right, lowest) < LEAST_REACH_M:
             continue
+        if ((theirs > right) & (theirs < left)).any():
+            continue
         # From the line that the ego has crossed to its farther side, and the clearance.
-        low, high = (right, min(left, highest + SIDE_CLEARANCE_M)) if index > own else (max(right, lowest - SIDE_CLEARANCE_M), left)
+        from_right = (right + left) / 2 > across
+        low, high = (
+            (right, min(left, highest + SIDE_CLEARANCE_M)) if from_right else (max(right, lowest - SIDE_CLEARANCE_M), left)
+        )
         x, y = road.to_xy(station, (low + high) / 2)
         found.append(Intrusion(lane=edge.lanes[index].index, front=np.array([x, y, state.heading]), width=high - low))
     return tuple(found)
+
+
+def _beside(state: EgoState, vehicle: VehicleGeometry, traffic: Traffic) -> BoolArray:
+    """Which vehicles (n,) have any part of their length beside the ego's."""
+    centre = advance(state.pose, vehicle.axle_to_centre_m)
+    along = (traffic.poses[:, :2] - centre[:2]) @ np.array([np.cos(state.heading), np.sin(state.heading)])
+    return np.asarray(np.abs(along) < (traffic.lengths + vehicle.length_m) / 2)

@@ -65,7 +65,7 @@ MAP_METHODS = {method.__name__: method for method in (paper_literal, paper, swep
 
 
 def planner_for(method: str, planner: PlannerSpec) -> PlannerSpec:
-    """The planner that belongs to a method: the paper's maps are inflated and searched for a point, as in the paper."""
+    """The planner that belongs to a method: as in the paper its maps are inflated and searched for a point, without a guide."""
     if method in {"paper_literal", "paper"}:
-        return planner.model_copy(update={"body": "point", "inflation_radius_m": PAPER_INFLATION_M})
+        return planner.model_copy(update={"body": "point", "inflation_radius_m": PAPER_INFLATION_M, "guide_cost": 0.0})
     return planner

@@ -30,6 +30,7 @@ from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.study.assessment import assess
 from wzsumo.study.case import drive_plan, map_of_zone, plan_for, quiet_progress
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
+from wzsumo.study.guides import crowd_guide
 from wzsumo.study.mapping_methods import Crowd, learn_from
 from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site, prepare_site
@@ -102,7 +103,7 @@ def _row(case: StudyCase, shared: _Shared) -> dict[str, Any]:
     scenario, site = case.scenario, shared.site_of(case.scenario)
     crowd = shared.crowd_of(case)
     grid = map_of_zone(case.method, crowd, scenario=scenario, site=site)
-    plan = plan_for(case.method, grid, scenario=scenario, site=site)
+    plan = plan_for(case.method, grid, scenario=scenario, site=site, guide=crowd_guide(crowd, site=site))
     run = _drive(plan, case, site) if case.drive else None
     figures = assess(grid, plan, run, crowd=crowd, scenario=scenario, site=site)
     planned, driven = figures.pop("planned") or {}, figures.pop("driven") or {}

@@ -1,0 +1,108 @@
+"""What SUMO does with an ego that moveToXY places: one test for each way in which it goes wrong if it is done naively."""
+
+import numpy as np
+import pytest
+from builders import paper_layout
+
+from wzsumo.ego import EgoState
+from wzsumo.frames import advance
+from wzsumo.metrics.conflicts import boxes_overlap
+from wzsumo.simulation.demand import DemandSpec
+from wzsumo.simulation.files import SimulationSpec, write_sumo_files
+from wzsumo.simulation.session import EGO_ID, running
+from wzsumo.study.lane_intrusion import intrusions
+from wzsumo.vehicle import VehicleGeometry
+
+LAYOUT = paper_layout(start_ft=3800, work_length_ft=100, closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None)
+CAR = VehicleGeometry()
+LANE = 12 * 0.3048
+FINE = ("--step-length", "0.05", "--default.action-step-length", "0.1")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    spec = SimulationSpec(demand=DemandSpec(flow_vph=1800, duration_s=200, truck_share=0.1))
+    return write_sumo_files(LAYOUT, tmp_path_factory.mktemp("session"), spec=spec, seed=3)
+
+
+def drive(session, files, *, y, x=250.0, speed=10.0, duration_s=5.0, step_s=0.05, shown=True):
+    """Yield (state, traffic) after each step of an ego that goes straight ahead at y."""
+    lane = int(np.clip(y // LANE, 0, 2))
+    session.request_ego(CAR, edge=files.edges[0].id, lane=lane, position=x + CAR.axle_to_bumper_m, speed=speed)
+    while not session.has_ego():
+        session.step()
+    session.take_over_ego()
+    traffic = session.traffic()
+    for step in range(1, int(duration_s / step_s) + 1):
+        state = EgoState(x=x + speed * step_s * step, y=y, heading=0.0, speed=speed)
+        seen = intrusions(state, CAR, traffic, road=LAYOUT.road, edges=files.edges) if shown else ()
+        session.place_ego(state, CAR, intrusions=seen)
+        session.step()
+        traffic = session.traffic()
+        yield state, traffic
+
+
+def sumo_bumper(session):
+    return np.array(session._sumo.vehicle.getPosition(EGO_ID))
+
+
+@pytest.mark.parametrize("y", [1.5 * LANE, 1.5 * LANE + 0.9, LANE], ids=["lane centre", "beside it", "on the line"])
+def test_front_bumper_is_exactly_where_it_was_put_and_not_snapped_to_a_lane(files, y):
+    with running(files.config, options=FINE) as session:
+        for state, _ in drive(session, files, y=y, duration_s=1.0):
+            assert sumo_bumper(session) == pytest.approx(advance(state.pose, CAR.axle_to_bumper_m)[:2], abs=1e-3)
+
+
+def test_ego_on_the_shoulder_does_not_vanish(files):
+    with running(files.config, options=FINE) as session:
+        for _ in drive(session, files, y=-1.6, duration_s=1.0):
+            assert session.has_ego()
+        assert sumo_bumper(session)[1] == pytest.approx(-1.6, abs=1e-3)
+
+
+def test_speed_that_sumo_sees_has_no_spikes(files):
+    with running(files.config, options=FINE) as session:
+        for _ in drive(session, files, y=1.5 * LANE, duration_s=3.0):
+            assert session._sumo.vehicle.getSpeed(EGO_ID) == pytest.approx(10.0, abs=1e-6)
+
+
+def test_ego_crosses_every_junction_of_the_zone(files):
+    roads = []
+    with running(files.config, options=FINE) as session:
+        for _ in drive(session, files, y=0.5 * LANE, x=1000.0, speed=25.0, duration_s=15.0):
+            road = session._sumo.vehicle.getRoadID(EGO_ID)
+            assert sumo_bumper(session)[1] == pytest.approx(0.5 * LANE, abs=1e-3)
+            if not road.startswith(":") and road not in roads:
+                roads.append(road)
+    reached = [edge.id for edge in files.edges if edge.end > 1010 and edge.start < 1370]
+    assert len(reached) == 3
+    assert roads == reached
+
+
+def passers_through(files, *, shown):
+    """Number of vehicles that pass an ego which straddles a line for 60 s, and of those whose outline overlaps its own."""
+    passed, overlapped, was_behind = set(), set(), set()
+    with running(files.config) as session:
+        while session.time < 60:
+            session.step()
+        for state, traffic in drive(session, files, y=LANE, x=150.0, duration_s=60, step_s=0.1, shown=shown):
+            centre = advance(state.pose, CAR.axle_to_centre_m)
+            sizes = np.column_stack([traffic.lengths, traffic.widths])
+            hit = boxes_overlap(centre, np.array([CAR.length_m, CAR.width_m]), traffic.poses, sizes)
+            for name, pose, touches in zip(traffic.ids, traffic.poses, hit, strict=True):
+                if pose[0] < centre[0]:
+                    was_behind.add(name)
+                elif name in was_behind:
+                    passed.add(name)
+                if touches:
+                    overlapped.add(name)
+    return len(passed), len(overlapped)
+
+
+def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(files):
+    passed, overlapped = passers_through(files, shown=False)
+    assert passed >= 10
+    assert overlapped >= 2  # the trap: SUMO counts the ego to one lane
+    passed, overlapped = passers_through(files, shown=True)
+    assert passed >= 5
+    assert overlapped == 0
