@@ -41,9 +41,9 @@ TRUCK_SHARES = (0.0, 0.1)
 # Demand as a share of the HCM's capacity from these times [s] on. It rises so slowly that the 15 minutes before the breakdown
 # tell the capacity, and stops early enough that the queue does not reach the road's start, where waiting vehicles would be the
 # bottleneck instead.
-RAMP = ((0.0, 0.85), (600.0, 0.90), (1200.0, 0.95), (1800.0, 1.00), (2400.0, 1.05), (3000.0, 1.10), (3600.0, 1.15))
-LONGEST_MIN = 75
-AFTER_BREAKDOWN_MIN = 21  # 8 to settle, 13 that count
+RAMP = ((0.0, 0.90), (900.0, 0.95), (1500.0, 1.00), (2100.0, 1.05), (2700.0, 1.10), (3300.0, 1.15))
+LONGEST_MIN = 70
+AFTER_BREAKDOWN_MIN = 18  # 8 to settle, 10 that count
 UPSTREAM_M = 320.0  # of the closing lane's end, where a queue is looked for
 MINUTE_S = 60.0
 
@@ -132,7 +132,7 @@ def drivers_of(zone_class: str, args: argparse.Namespace) -> DriverSpec:
 
 
 def run_until_discharge_is_known(files: SumoFiles, *, work: float, upstream: float) -> tuple[pd.DataFrame, dict]:
-    """Minutes (pc past the work, speed upstream) up to 21 minutes after the breakdown, and what SUMO counted."""
+    """Minutes (pc past the work, speed upstream) up to 18 minutes after the breakdown, and what SUMO counted."""
     loops = files.config.parent / "loops.add.xml"
     names = write_loops(files, {"work": work, "upstream": upstream}, loops)
     vehicles = ET.parse(files.config.parent / "zone.rou.xml").iter("vehicle")  # noqa: S314 our own file

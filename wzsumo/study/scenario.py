@@ -1,5 +1,6 @@
 """Scenario: everything that a spec file says of one case, read and checked."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,11 @@ from wzsumo.mutcd.layout import lay_out
 from wzsumo.planning.plan import PlannerSpec
 from wzsumo.road import Road, RoadSpec
 from wzsumo.sensing.gnss import GnssSpec
+from wzsumo.simulation.departures import check_departures
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.spec import Spec, parse_spec, read_toml
 from wzsumo.study.slam_spec import SlamSpec
+from wzsumo.units import mps_from_mph
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DeviceKind, WorkZone, WorkZoneLayout
 
@@ -127,14 +130,24 @@ def load_scenario(path: Path, *, seed: int | None = None) -> Scenario:
 
 
 def misfits_of(scenario: Scenario) -> list[str]:
-    """What does not fit together in a scenario: the zone and its road, start and goal, traces collected and used."""
+    """What does not fit together in a scenario: zone and road, start and goal, flow and lanes, traces collected and used."""
     misfits = []
-    try:
-        scenario.start_and_goal(scenario.layout())
-    except SpecError as error:
-        misfits.append(str(error))
-    crowd, demand = scenario.crowd, scenario.simulation.demand
-    if demand.opposing_flow_vph and not scenario.road.opposing_lane_count:
+    crowd, demand, road = scenario.crowd, scenario.simulation.demand, scenario.road
+    checks: tuple[Callable[[], object], ...] = (
+        lambda: scenario.start_and_goal(scenario.layout()),
+        lambda: check_departures(
+            demand,
+            n_lanes=road.lane_count,
+            n_opposing=road.opposing_lane_count,
+            speed=mps_from_mph(scenario.work_zone.posted_speed_mph),
+        ),
+    )
+    for check in checks:
+        try:
+            check()
+        except SpecError as error:
+            misfits.append(str(error))
+    if demand.opposing_flow_vph and not road.opposing_lane_count:
         misfits.append(
             f"simulation.demand.opposing_flow_vph={demand.opposing_flow_vph:g} needs an opposing lane; "
             "set road.opposing_lane_count or leave the flow out"
