@@ -80,8 +80,9 @@ def test_fleet_without_a_car_in_the_egos_lane_is_refused_with_the_remedy():
 def test_vehicles_of_a_moment_are_carried_on_from_their_last_fix():
     drive = Drive(time_s=np.array([130.0, 150.0]), poses=np.zeros((2, 3)))
     vehicles = others_at(fleet_of(("a", 2.0, 0.0), ("b", 5.0, 3.0)), drive)
-    at = vehicles(135.05).set_index("vehicle_id")["x_m"]
-    assert at.to_dict() == pytest.approx({"a": 15 * 5.05, "b": 15 * 2.05})
+    at = vehicles(135.05).set_index("y_m")["x_m"]
+    assert at.to_dict() == pytest.approx({2.0: 15 * 5.05, 5.0: 15 * 2.05})
+    assert vehicles(129.0).empty
 
 
 @pytest.fixture(scope="module")

@@ -21,10 +21,11 @@ from wzsumo.lidar_mapping.motion import (
     MotionSpec,
     Prior,
     corrected,
-    dead_reckon,
     first_prior,
     motion_within,
+    poses_between,
     predict,
+    reckoned_poses,
     with_attitude,
     with_gnss,
 )
@@ -94,7 +95,7 @@ def map_drive(
     """
     edges = VoxelMap(cube=spec.edge_radius_m, spacing=spec.edge_spacing_m)
     ground, walls = (VoxelMap(cube=spec.plane_radius_m, spacing=spec.plane_spacing_m) for _ in range(2))
-    prior = first_prior(start, spec.motion)
+    prior, reckoned = first_prior(start, spec.motion), reckoned_poses(readings, start)
     last: LidarScan | None = None
     for scan in scans:
         fix: FloatArray | None = None
@@ -126,7 +127,7 @@ def map_drive(
         yield PosedScan(
             time_s=scan.start_s,
             pose=prior.pose,
-            dead_reckoned=dead_reckon(readings, [scan.start_s], start)[0],
+            dead_reckoned=poses_between(readings.time_s, reckoned, [scan.start_s])[0],
             state=state,
             free_directions=free,
             scale_m=0.0 if fit is None else fit.scale,

@@ -54,17 +54,33 @@ def first_prior(pose: FloatArray, spec: MotionSpec) -> Prior:
 
 def dead_reckon(readings: MotionReadings, times: npt.ArrayLike, start: FloatArray) -> FloatArray:
     """Poses (m, 4, 4) at given times by wheels, gyroscope and attitude alone, from `start` at the first reading."""
-    return _at_times(readings.time_s, _integrated(readings, start, scale=0.0, bias=0.0), np.asarray(times, dtype=float))
+    return poses_between(readings.time_s, reckoned_poses(readings, start), times)
+
+
+def reckoned_poses(readings: MotionReadings, start: FloatArray) -> FloatArray:
+    """The same (n, 4, 4) at the times of the readings."""
+    return _integrated(readings, start, scale=0.0, bias=0.0)
+
+
+def poses_between(known_s: FloatArray, poses: FloatArray, times: npt.ArrayLike) -> FloatArray:
+    """Poses (m, 4, 4) between known ones; angles and positions linear, which is exact enough at the readings' rate."""
+    at = np.asarray(times, dtype=float)
+    around = slice(max(int(np.searchsorted(known_s, at.min())) - 1, 0), int(np.searchsorted(known_s, at.max())) + 2)
+    angles = np.unwrap(rpy_from_rotation(poses[around, :3, :3]), axis=0)
+    columns = [np.interp(at, known_s[around], column) for column in (*angles.T, *poses[around, :3, 3].T)]
+    return rigid(rotation_from_rpy(np.column_stack(columns[:3])), np.column_stack(columns[3:]))
 
 
 def motion_within(readings: MotionReadings, prior: Prior, times: FloatArray) -> FloatArray:
     """Motions (m, 4, 4) of the car from times[0] to each time (ascending), freed of the estimated scale and bias."""
-    inside = (readings.time_s > times[0] - 0.5) & (readings.time_s < times[-1] + 0.5)
-    if inside.sum() < 2:
+    first, last = np.searchsorted(readings.time_s, [times[0] - 0.5, times[-1] + 0.5])
+    if last - first < 2:
         raise TraceError(
             f"no motion readings from {times[0]:.2f} s to {times[-1]:.2f} s; they span "
             f"{readings.time_s[0]:.2f}..{readings.time_s[-1]:.2f} s: give readings for the whole drive"
         )
+    first = max(first, int(np.searchsorted(readings.time_s, times[0], side="right")) - 2)
+    inside = slice(min(first, last - 2), min(int(np.searchsorted(readings.time_s, times[-1])) + 2, last))
     part = MotionReadings(
         time_s=readings.time_s[inside],
         speed_mps=readings.speed_mps[inside],
@@ -74,7 +90,7 @@ def motion_within(readings: MotionReadings, prior: Prior, times: FloatArray) -> 
         gnss=np.empty((0, 3)),
     )
     poses = _by_gyroscope(part, scale=prior.scale, bias=prior.bias_rps)
-    at = _at_times(part.time_s, poses, times)
+    at = poses_between(part.time_s, poses, times)
     return inverse(at[0]) @ at
 
 
@@ -158,10 +174,3 @@ def _by_gyroscope(readings: MotionReadings, *, scale: float, bias: float) -> Flo
 
 def _summed(steps: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _at_times(known_s: FloatArray, poses: FloatArray, times: FloatArray) -> FloatArray:
-    """Poses (m, 4, 4) between known ones; angles and positions linear, which is exact enough at the readings' rate."""
-    angles = np.unwrap(rpy_from_rotation(poses[:, :3, :3]), axis=0)
-    columns = [np.interp(times, known_s, column) for column in (*angles.T, *poses[:, :3, 3].T)]
-    return rigid(rotation_from_rpy(np.column_stack(columns[:3])), np.column_stack(columns[3:]))

@@ -5,6 +5,7 @@ on them. Unevenness is fixed in the world, so that two scans of one place see th
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -44,11 +45,16 @@ class Ground:
     node: float
     origin: tuple[float, float]
 
+    @cached_property
+    def extremes(self) -> tuple[float, float]:
+        """The lowest and the highest of the relief [m]."""
+        return float(self.relief.min()), float(self.relief.max())
+
     def height(self, xy: npt.ArrayLike) -> FloatArray:
         """Heights (n,) [m] at world points (n, 2)."""
         points = np.asarray(xy, dtype=float).reshape(-1, 2)
         at = (points - self.origin).T[::-1] / self.node
-        relief = map_coordinates(self.relief.astype(float), at, order=1, mode="nearest")
+        relief = map_coordinates(self.relief, at, order=1, mode="nearest", output=np.float64)
         return np.asarray(self.level + points @ np.array(self.slope) + relief)
 
     def tilt(self, heading: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -128,12 +128,13 @@ def cast_scan(scene: Scene, drive: Drive, spec: LidarSpec, *, start_s: float, se
     poses = drive.car_poses(start_s + offsets, scene.ground) @ spec.mounting
     hits = cast_rays(scene, poses=poses, azimuth=spec.azimuth, elevation=spec.elevation, max_range=spec.max_range_m)
     rng = np.random.default_rng([seed, round(start_s * 1e6) % 2**63])
-    column, ring = np.nonzero(hits.object_id != MISS)
-    distance, object_id = hits.distance[column, ring], hits.object_id[column, ring]
+    met = np.flatnonzero(hits.object_id != MISS)
+    distance, object_id = hits.distance.ravel()[met], hits.object_id.ravel()[met]
     seen = rng.random(len(distance)) >= _loss(distance, spec)
     if spec.detected_share < 1:
         seen &= ~np.isin(object_id, scene.device_id[rng.random(len(scene.device_id)) >= spec.detected_share])
-    column, ring, distance, object_id = column[seen], ring[seen], distance[seen], object_id[seen]
+    distance, object_id = distance[seen], object_id[seen]
+    column, ring = np.divmod(met[seen], spec.layers)
     distance = np.maximum(distance + spec.range_noise_m * rng.standard_normal(len(distance)), 0.0)
     return LidarScan(
         start_s=start_s,

@@ -130,8 +130,7 @@ def _fill_columns(first: IntArray, last: IntArray, place: IntArray, members: Int
 
 
 def _surface(ground: Ground) -> tuple[npt.NDArray[np.float32], FloatArray]:
-    low, high = float(ground.relief.min()), float(ground.relief.max())
-    return ground.relief, np.array([ground.level, *ground.slope, *ground.origin, ground.node, low, high])
+    return ground.relief, np.array([ground.level, *ground.slope, *ground.origin, ground.node, *ground.extremes])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -18,6 +18,7 @@ from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site
 from wzsumo.study.slam_spec import SlamSpec
 
+SIZE = ("length_m", "width_m")
 FIRST_ENTRY_S = 120.0  # the road is full by then, as for the ego
 
 
@@ -85,16 +86,14 @@ def mapping_drive(fleet: pd.DataFrame, *, scenario: Scenario, site: Site) -> tup
 def others_at(fleet: pd.DataFrame, drive: Drive) -> Callable[[float], pd.DataFrame]:
     """The vehicles of a moment of the drive, by time [s]: each where its last fix carried on at its speed would have it."""
     within = fleet[(fleet["time_s"] >= drive.time_s[0] - 1.0) & (fleet["time_s"] <= drive.time_s[-1])]
-    table = within.sort_values("time_s", kind="stable", ignore_index=True)
-    times = table["time_s"].to_numpy(dtype=float)
-    moments = np.unique(times)
+    table = within.sort_values("time_s", kind="stable")[["time_s", "x_m", "y_m", "heading_rad", "speed_mps", *SIZE]].to_numpy()
+    times = np.ascontiguousarray(table[:, 0])
 
     def vehicles(time_s: float) -> pd.DataFrame:
-        moment = moments[np.searchsorted(moments, time_s + 1e-6) - 1] if len(moments) else 0.0
-        rows = table[np.searchsorted(times, moment) : np.searchsorted(times, moment, side="right")]
-        since = time_s - moment
-        poses = advance(rows[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float), since * rows["speed_mps"].to_numpy())
-        return rows.assign(x_m=poses[:, 0], y_m=poses[:, 1])
+        last = int(np.searchsorted(times, time_s + 1e-6))
+        rows = table[np.searchsorted(times, times[last - 1]) : last] if last else table[:0]
+        poses = advance(rows[:, 1:4], (time_s - rows[:, 0]) * rows[:, 4])
+        return pd.DataFrame(np.column_stack([poses, rows[:, 5:]]), columns=["x_m", "y_m", "heading_rad", *SIZE])
 
     return vehicles
 
