@@ -14,13 +14,13 @@ import pandas as pd
 
 from wzsumo.lidar_mapping import slam_map
 from wzsumo.metrics.map_quality import quality_of_cells
-from wzsumo.planning.plan import plan_path
 from wzsumo.sensing import raycast
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.study.baselines import map_baselines
-from wzsumo.study.case import quiet_progress
+from wzsumo.study.case import plan_for, quiet_progress
 from wzsumo.study.goals import goal_figures
+from wzsumo.study.guides import nominal_guide
 from wzsumo.study.scenario import load_scenario
 from wzsumo.study.site import prepare_site
 from wzsumo.study.slam_spec import SlamSpec
@@ -56,7 +56,7 @@ def row_of(name, scenario, site, fleet):
     case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], seed=scenario.seed)})
     baselines = map_baselines([METHOD], fleet, scenario=case, site=site, progress=quiet_progress)
     grid = baselines.maps[METHOD]
-    plan = plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=scenario.planner)
+    plan = plan_for(METHOD, grid, scenario=scenario, site=site, guide=nominal_guide(site))
     goal = goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)
     quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
     return {
@@ -104,13 +104,11 @@ def print_table(rows):
         if these.empty:
             continue
         arrived = (these["planned_outcome"] == "REACHED_GOAL").sum()
-        mapped = f"{these['n_mapped'].mean():.0f} of {these['n_devices'].mean():.0f}"
+        n, mapped = len(these), f"{these['n_mapped'].mean():.0f} of {these['n_devices'].mean():.0f}"
         share = (
             np.nanmean(these["closed_area_share"].to_numpy(dtype=float)) if these["closed_area_share"].notna().any() else np.nan
         )
-        print(
-            f"| {name} | {len(these)} | {mapped} | {these['iou'].mean():.3f} | {100 * share:.0f} % | {arrived} of {len(these)} |"
-        )
+        print(f"| {name} | {n} | {mapped} | {these['iou'].mean():.3f} | {100 * share:.0f} % | {arrived} of {n} |")
 
 
 if __name__ == "__main__":

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from wzsumo.study.baseline_figures import draw_baseline_paths, draw_crowd_and_slam
+from wzsumo.study.baselines import BASELINE_METHODS
 from wzsumo.study.drive_figure import draw_drive
 from wzsumo.study.map_figures import draw_maps, draw_truth
 from wzsumo.study.mixture_figures import draw_components, draw_criteria, draw_samples
@@ -31,8 +33,10 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
     seed, n, k = (run.result.get(key, "-") for key in ("seed", "n_traces", "n_components"))
     run_of = f"n = {n} traces, seed {seed}."
     truth = "Truth is the drivable area of the layout, device line to edge line, within the zone."
-    mapped = [name for name in run.methods if run.map_of(name) is not None]
-    driven = [name for name in run.methods if run.drive_of(name) is not None]
+    with_map = [name for name in run.methods if run.map_of(name) is not None]
+    baselines = [name for name in with_map if name in BASELINE_METHODS]
+    mapped = [name for name in with_map if name not in baselines]
+    driven = [name for name in run.methods if run.drive_of(name) is not None and name not in baselines]
     plans: list[tuple[str, Callable[[], Figure], str, str]] = [
         ("fig04_zone", partial(draw_zone, run), "Work zone (paper: Fig. 4)",
          f"Plan view, n = {len(run.devices)} devices. Truth of all later figures: the drivable area."),
@@ -65,12 +69,33 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
              "Space-mean speed of all vehicles in cells of 10 s and 20 m; white: nobody there. "
              f"n = {run.result.get('traffic', {}).get('n_vehicles', '-')} vehicles, seed {seed}.")
         )  # fmt: skip
+    if baselines:
+        plans += _baseline_plans(run, baselines, crowd=mapped, run_of=f"n = 1 mapping drive, seed {seed}.")
     figures = []
     for stem, draw, title, caption in plans:
         path = folder / f"{stem}.png"
         draw().savefig(path)
         figures.append(ReportFigure(path=path, title=title, caption=caption))
     return figures
+
+
+def _baseline_plans(
+    run: ResultFolder, baselines: list[str], *, crowd: list[str], run_of: str
+) -> list[tuple[str, Callable[[], Figure], str, str]]:
+    plans: list[tuple[str, Callable[[], Figure], str, str]] = [
+        ("fig10_baselines", partial(draw_baseline_paths, run, baselines), "The practice of today (paper: Fig. 8 and 10)",
+         "Maps of one LiDAR mapping drive and of the HD map from before the zone, and the paths planned on them. "
+         f"“Neither”: p(occupied) from 0.196 to 0.65. {run_of}")
+    ]  # fmt: skip
+    if crowd and "slam_raw" in baselines:
+        best = max(crowd, key=lambda name: run.methods[name].get("iou") or 0.0)
+        plans.append(
+            ("fig09_crowd_and_slam", partial(draw_crowd_and_slam, run, best, "slam_raw"),
+             f"The crowd's map and the SLAM map, {best} (paper: Fig. 9)",
+             "What the crowd's map calls free, and every cell that the LiDAR hit, passing vehicles included; the truth is the "
+             f"drivable area of the layout. {run_of}")
+        )  # fmt: skip
+    return plans
 
 
 def draw_zone(run: ResultFolder) -> Figure:

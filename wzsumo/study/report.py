@@ -10,6 +10,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from wzsumo.ego import Outcome
 from wzsumo.errors import OutputError
+from wzsumo.study.baselines import BASELINE_METHODS, SLAM_METHODS
+from wzsumo.study.goals_table import goal_rows
 from wzsumo.study.result_folder import ResultFolder, read_result_folder
 from wzsumo.study.traffic_rows import traffic_rows
 
@@ -39,9 +41,10 @@ def write_report(folder: Path) -> Path:
 
 
 def best_method(methods: Mapping[str, Mapping[str, Any]]) -> str | None:
-    """The method whose map has the highest IoU, among those that reached the goal where any did."""
-    arrived = {name: m for name, m in methods.items() if m.get("outcome") == Outcome.REACHED_GOAL}
-    candidates = arrived or methods
+    """The crowd's method whose map has the highest IoU, among those that reached the goal where any did."""
+    crowd = {name: m for name, m in methods.items() if name not in BASELINE_METHODS}
+    arrived = {name: m for name, m in crowd.items() if m.get("outcome") == Outcome.REACHED_GOAL}
+    candidates = arrived or crowd
     return max(candidates, key=lambda name: candidates[name].get("iou") or 0.0, default=None)
 
 
@@ -79,6 +82,8 @@ def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
         verdict=_verdict(run.methods.get(best or "", {})),
         comparison=_comparison(run, best),
         methods=[_method_row(name, method) for name, method in run.methods.items()],
+        goals=goal_rows(run.methods),
+        slam=_slam_facts(result.get("slam") or {}),
         not_run=[(NOT_RUN_NAMES.get(name, name), reason) for name, reason in _not_run(result).items()],
         fleet=_fleet_rows(result.get("fleet") or {}) + traffic_rows(result.get("traffic") or {}),
         timings=[(name, f"{seconds:.2f} s") for name, seconds in (result.get("timings_s") or {}).items()],
@@ -86,9 +91,20 @@ def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
     )
 
 
+def _slam_facts(slam: Mapping[str, Any]) -> str:
+    if not slam:
+        return ""
+    states = ", ".join(f"{count} {state.replace('_', ' ')}" for state, count in slam["scan_states"].items())
+    return (
+        f"LiDAR mapping drive of vehicle {slam['vehicle_id']}: {slam['n_scans']} scans ({states}); position error "
+        f"{metres(slam['ate_m'])} rms with LOAM, IMU and RTK, {metres(slam['dead_reckoning_ate_m'])} by dead reckoning; "
+        f"{slam['n_devices_mapped']} devices found, {slam['n_links']} gaps between them closed in form (c)."
+    )
+
+
 def _not_run(result: Mapping[str, Any]) -> dict[str, str]:
     methods, not_run = result.get("methods") or {}, dict(result.get("not_run") or {})
-    if "slam" not in methods:
+    if not any(name in SLAM_METHODS for name in methods):
         not_run.setdefault("slam", "not part of this run")
     return not_run
 
