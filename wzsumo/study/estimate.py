@@ -35,7 +35,8 @@ def estimate(study: Study, *, finished: Container[str]) -> Estimate:
     missing = [case for case in study.cases if case.id not in finished]
     simulated = {case.simulation: case.scenario for case in missing}
     seconds = sum(_simulation_s(scenario) for scenario in simulated.values())
-    seconds += sum(CASE_S.get(case.method, OTHER_CASE_S) + DRIVE_S * case.drive for case in missing)
+    evaluated = {case.evaluation: case for case in missing}.values()
+    seconds += sum(CASE_S.get(case.method, OTHER_CASE_S) + DRIVE_S * case.drive for case in evaluated)
     return Estimate(
         n_cases=len(study.cases), n_missing=len(missing), n_simulations=len(simulated), processor_s=round(seconds, 1)
     )

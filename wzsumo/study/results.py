@@ -43,6 +43,7 @@ CASE_COLUMNS = {
     "simulation": _text("name of the simulation of the fleet; cases of one are paired"),
     "scenario": _text("name of the base scenario"),
     "method": _text("how the traces become a map"),
+    "seed": _count("seed of the case, which decides its simulation too"),
 }
 MEASURED_COLUMNS = {
     "status": _text("DONE, REFUSED (the case cannot be, see reason) or FAILED (it was lost twice, see reason)"),
@@ -89,9 +90,10 @@ def write_results(folder: Path, cases: Sequence[StudyCase], rows: Mapping[str, M
         "simulation": pa.array([case.simulation for case in known], pa.string()),
         "scenario": pa.array([case.scenario.name for case in known], pa.string()),
         "method": pa.array([case.method for case in known], pa.string()),
+        "seed": pa.array([case.scenario.seed for case in known], pa.int64()),
     }
-    factors = cases[0].factors if cases else {}
-    columns |= {name: _factor([case.factors[name] for case in known]) for name in factors}
+    factors = cases[0].factors
+    columns |= {name: _factor([case.factors[name] for case in known]) for name in factors if name != "seed"}
     for name, column in MEASURED_COLUMNS.items():
         columns[name] = pa.array([rows[case.id].get(name) for case in known], column.type, from_pandas=True)
     described = CASE_COLUMNS | MEASURED_COLUMNS

@@ -14,14 +14,18 @@ from wzsumo.study.scenario import Scenario
 # Sections of a scenario that come after the simulation of the fleet; all others decide it. A section that is forgotten here
 # costs a simulation too many, never a wrong result.
 AFTER_SIMULATION = frozenset({"name", "crowd", "gnss", "mixture", "map", "route", "vehicle", "planner", "control", "plant"})
+# The first `used` of the equipped vehicles are the same whatever share is equipped (see `sensing.equipped`): these keys decide
+# when the traces are there, and whether there are so many.
+_ONLY_WHEN = {"crowd": {"penetration", "collected"}}
 # Modules that tell or draw what was measured: a change there leaves finished results as they are.
 _TELLING = frozenset(
     {
         "__init__.py", "__main__.py", "cli.py", "study/verbs.py", "study/interface.py", "study/sweep.py", "study/workers.py",
         "study/cluster.py", "study/estimate.py", "study/sweep_verbs.py",
-        "study/result_store.py", "study/results.py", "study/statistics.py", "study/report.py", "study/figures.py",
+        "study/result_store.py", "study/results.py", "study/report.py", "study/figures.py",
         "study/drive_figure.py", "study/map_figures.py", "study/mixture_figures.py", "study/zone_axes.py",
-        "study/result_folder.py", "study/sweep_report.py", "study/sweep_figures.py", "study/study_file.py",
+        "study/result_folder.py", "study/sweep_report.py", "study/sweep_figures.py", "study/summary.py",
+        "study/answers.py", "study/study_file.py",
     }
 )  # fmt: skip
 
@@ -47,9 +51,15 @@ class StudyCase:
 
     @cached_property
     def crowd(self) -> str:
-        """Name of the traces and of what is learned of them, which the methods share."""
-        sections = {"crowd", "gnss", "mixture"}
-        return _digest(self.simulation, self.scenario.model_dump(mode="json", include=sections))
+        """Name of the traces that make the map and of what is learned of them, which the methods share."""
+        sections = self.scenario.model_dump(mode="json", include={"crowd", "gnss", "mixture"}, exclude=_ONLY_WHEN)
+        return _digest(self.simulation, sections)
+
+    @cached_property
+    def evaluation(self) -> str:
+        """Name of map, plan and drive, which cases share that differ only in how soon their traces come in."""
+        content = self.scenario.model_dump(mode="json", exclude={"name": True, **_ONLY_WHEN})
+        return _digest(content, self.method, self.drive)
 
 
 @cache

@@ -24,7 +24,7 @@ from wzsumo.errors import InputError
 from wzsumo.metrics.fleet import summarise_fleet
 from wzsumo.output import parquet_bytes
 from wzsumo.planning.plan import Plan, PlanStatus
-from wzsumo.sensing.equipped import choose_equipped
+from wzsumo.sensing.equipped import choose_equipped, first_traces
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.study.assessment import assess
@@ -63,7 +63,7 @@ def evaluate(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any
     for case in cases:
         with _in_processor_seconds() as spent:
             try:
-                row = _row(case, shared) | {"status": "DONE"}
+                row = shared.collection_of(case.scenario) | shared.evaluation_of(case) | {"status": "DONE"}
             except InputError as error:
                 row = {"status": "REFUSED", "reason": str(error)}
         known = {"case": case.id, "n_passed": fleet["n_passed"], "fleet_mean_speed_mps": fleet["mean_speed_activity_mps"]}
@@ -78,30 +78,46 @@ def read_simulated(simulated: bytes) -> tuple[pd.DataFrame, dict[str, Any]]:
 
 
 class _Shared:
-    """What neighbouring cases have in common, kept for the next: the site, the crowd with its mixture, the times of passing."""
+    """What neighbouring cases have in common, kept for the next: the site, the crowd with its mixture, whole evaluations."""
 
     def __init__(self, over_zone: pd.DataFrame) -> None:
         self._over_zone = over_zone
+        self._passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
         self._site: tuple[str, Site] | None = None
         self._crowd: tuple[str, Crowd] | None = None
-        self.passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
+        self._evaluations: dict[str, dict[str, Any]] = {}  # of that crowd
 
-    def site_of(self, scenario: Scenario) -> Site:
+    def collection_of(self, scenario: Scenario) -> dict[str, Any]:
+        """How many equipped vehicles passed, and how long it took until as many had passed as the map uses."""
+        crowd = scenario.crowd
+        equipped = choose_equipped(self._passed_at_s.index, penetration=crowd.penetration, seed=scenario.seed)
+        first_traces(equipped, crowd.used, key="crowd.used")
+        in_turn = self._passed_at_s[equipped].sort_values().to_numpy()
+        waited_s = in_turn[crowd.used - 1] - self._passed_at_s.min()
+        return {"n_equipped": len(equipped), "minutes_to_collect": float(waited_s) / 60}
+
+    def evaluation_of(self, case: StudyCase) -> dict[str, Any]:
+        crowd = self._crowd_of(case)
+        if case.evaluation not in self._evaluations:
+            self._evaluations[case.evaluation] = _evaluated(case, crowd, self._site_of(case.scenario))
+        return self._evaluations[case.evaluation]
+
+    def _site_of(self, scenario: Scenario) -> Site:
         key = scenario.model_dump_json(include={"road", "work_zone", "route", "map", "vehicle"})
         if self._site is None or self._site[0] != key:
             self._site = (key, prepare_site(scenario))
         return self._site[1]
 
-    def crowd_of(self, case: StudyCase) -> Crowd:
+    def _crowd_of(self, case: StudyCase) -> Crowd:
         if self._crowd is None or self._crowd[0] != case.crowd:
             used = reported_traces(self._over_zone, case.scenario, which="used")
             self._crowd = (case.crowd, learn_from(used, spec=case.scenario.mixture, seed=case.scenario.seed))
+            self._evaluations = {}
         return self._crowd[1]
 
 
-def _row(case: StudyCase, shared: _Shared) -> dict[str, Any]:
-    scenario, site = case.scenario, shared.site_of(case.scenario)
-    crowd = shared.crowd_of(case)
+def _evaluated(case: StudyCase, crowd: Crowd, site: Site) -> dict[str, Any]:
+    scenario = case.scenario
     grid = map_of_zone(case.method, crowd, scenario=scenario, site=site)
     plan = plan_for(case.method, grid, scenario=scenario, site=site, guide=crowd_guide(crowd, site=site))
     run = _drive(plan, case, site) if case.drive else None
@@ -114,7 +130,6 @@ def _row(case: StudyCase, shared: _Shared) -> dict[str, Any]:
     return figures | {
         "path_length_m": float(plan.path.arc_length[-1]) if plan.path else None,
         "safe_plan": plan.status == PlanStatus.FOUND and _keeps_clear(planned),
-        **_collection(scenario, shared.passed_at_s),
     }
 
 
@@ -122,14 +137,6 @@ def _keeps_clear(planned: dict[str, float]) -> bool:
     """Whether the outline along the planned path touches no device, no edge of the pavement and not the closed area."""
     clearances = (planned["min_clearance_devices_m"], planned["min_clearance_road_edge_m"])
     return min(clearances) > 0 and planned["closed_area_share"] == 0
-
-
-def _collection(scenario: Scenario, passed_at_s: pd.Series) -> dict[str, Any]:
-    """How many equipped vehicles passed, and how long it took until as many had passed as the map uses."""
-    equipped = choose_equipped(passed_at_s.index, penetration=scenario.crowd.penetration, seed=scenario.seed)
-    in_turn = passed_at_s[equipped].sort_values().to_numpy()
-    waited_s = in_turn[scenario.crowd.used - 1] - passed_at_s.min()
-    return {"n_equipped": len(equipped), "minutes_to_collect": float(waited_s) / 60}
 
 
 def _drive(plan: Plan, case: StudyCase, site: Site) -> EgoRun | None:
