@@ -1,7 +1,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup scenario test bench clean
+.PHONY: help setup scenario sweep report test bench clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -19,6 +19,12 @@ $(VENV)/.ready: requirements.lock pyproject.toml setup.sh
 
 scenario: setup  ## run the paper's scenario into results/paper
 	$(BIN)/wzsumo run scenarios/paper.toml --out results/paper
+
+sweep: setup  ## run a study of some two minutes into results/how_many_traces; again: what is missing
+	$(BIN)/wzsumo sweep scenarios/studies/how_many_traces.toml --out results/how_many_traces
+
+report: setup  ## tables, figures and report.html of that study
+	$(BIN)/wzsumo report results/how_many_traces
 
 test: setup  ## lint, types and tests; stops at the first stage that fails
 	$(BIN)/ruff check . >&2

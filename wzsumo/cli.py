@@ -73,7 +73,7 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
         "layout": lambda: verbs.lay_out_scenario(args.scenario, args.out),
         "capacity": lambda: verbs.capacity_of_scenario(args.scenario),
         "net": lambda: verbs.write_net(args.scenario, args.out),
-        "run": lambda: verbs.run_scenario(args.scenario, args.out, seed=args.seed, methods=args.method),
+        "run": lambda: _run_scenario_or_case(args),
         "map": lambda: verbs.map_traces(
             args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m
         ),
@@ -87,6 +87,16 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
         "warm": verbs.warm_up,
     }
     return carry_out[args.command]()
+
+
+def _run_scenario_or_case(args: argparse.Namespace) -> dict[str, Any]:
+    from wzsumo.study import verbs
+
+    if args.case is None:
+        return verbs.run_scenario(args.scenario, args.out, seed=args.seed, methods=args.method)
+    if args.seed is not None or args.method:
+        raise InputError(f"--case {args.case}: the case has a seed and a method of its own; leave --seed and --method out")
+    return verbs.run_case_again(args.scenario, args.out, case=args.case)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -109,6 +119,7 @@ def _parser() -> argparse.ArgumentParser:
         sub.add_argument("scenario", type=Path, metavar="SCENARIO.toml")
         sub.add_argument("--out", type=Path, required=True, metavar="DIR")
         if name == "run":
+            sub.add_argument("--case", metavar="NAME", help="a case of a sweep, whose folder then stands for SCENARIO.toml")
             sub.add_argument("--seed", type=_seed, help="instead of the scenario's own")
             sub.add_argument("--method", nargs="+", metavar="NAME", help=_METHODS)
     sub = command("capacity", "what the zone can carry by the Highway Capacity Manual, 7th edition")
@@ -131,7 +142,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("--workers", type=_count, metavar="N", help="processes (default: one a core)")
     sub.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs already, such as tcp://10.0.0.1:8786")
     sub.add_argument("--dry-run", action="store_true", help="say how many cases and simulations, and about how long")
-    sub = command("report", "write figures and report.html of a run's folder again")
+    sub = command("report", "write figures, tables and report.html of a run's or a sweep's folder")
     sub.add_argument("folder", type=Path, metavar="DIR")
     sub = command("ground", "label the ground points of a cloud by SMRF: 1 = ground", _CLOUDS)
     sub.add_argument("cloud", type=Path, metavar="IN.(npy|csv|ply)")

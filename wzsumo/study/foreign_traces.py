@@ -36,12 +36,9 @@ def map_foreign_traces(
     n_fixes, traces = len(table), usable.traces
     del table
     _tell_dropped(usable.dropped)
-    cells = _cells_around(traces, source=str(path), resolution_m=resolution_m)
-    half_width = float(traces["width_m"].median()) / 2 if "width_m" in traces else VehicleGeometry().width_m / 2
-    if method == "lanes":
-        grid, learned = _lanes(traces, cells, half_width_m=half_width, seed=seed, progress=progress)
-    else:
-        grid, learned = _by_mixture(method, traces, cells, half_width_m=half_width, seed=seed, progress=progress)
+    grid, learned = map_of_traces(
+        traces, source=str(path), method=method, seed=seed, resolution_m=resolution_m, progress=progress
+    )
     with staged_folder(out) as stage:
         write_map(grid, stage)
     return {
@@ -52,9 +49,21 @@ def map_foreign_traces(
         "n_fixes_used": len(traces),
         "dropped": usable.dropped.astype({"n_fixes": int}).to_dict("records"),
         "free_m2": float(grid.free.sum() * resolution_m**2),
-        "vehicle_width_m": 2 * half_width,
         **learned,
     }
+
+
+def map_of_traces(
+    traces: pd.DataFrame, *, source: str, method: str, seed: int, resolution_m: float, progress: Progress
+) -> tuple[OccupancyGrid, dict[str, Any]]:
+    """The map of usable traces, and what was learned of them. Raises InputError, naming `source`, where they spread too far."""
+    cells = _cells_around(traces, source=source, resolution_m=resolution_m)
+    half_width = float(traces["width_m"].median()) / 2 if "width_m" in traces else VehicleGeometry().width_m / 2
+    if method == "lanes":
+        grid, learned = _lanes(traces, cells, half_width_m=half_width, seed=seed, progress=progress)
+    else:
+        grid, learned = _by_mixture(method, traces, cells, half_width_m=half_width, seed=seed, progress=progress)
+    return grid, {"vehicle_width_m": 2 * half_width, **learned}
 
 
 def _cells_around(traces: pd.DataFrame, *, source: str, resolution_m: float) -> OccupancyGrid:

@@ -118,9 +118,9 @@ class Scenario(Spec):
         return _lane_pose(layout.road, layout.end + self.route.goal_after_zone_m, self.route.open_goal_lane)
 
 
-def load_scenario(path: Path, *, seed: int | None = None) -> Scenario:
+def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:
     """The scenario of a TOML file, with another seed where one is given. Raises SpecError: file, key, value, rule, remedy."""
-    content: dict[str, Any] = read_toml(path)
+    content: dict[str, Any] = read_toml(Path(path))
     if seed is not None:
         content = content | {"seed": seed}
     scenario = parse_spec(Scenario, content, source=str(path))

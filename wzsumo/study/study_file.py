@@ -77,6 +77,18 @@ def study_of(content: Mapping[str, Any], *, source: str) -> Study:
     return Study(spec=spec, content=content, cases=cases)
 
 
+def find_case(study: Study, name: str) -> StudyCase:
+    """The case of a study whose name begins with `name`. Raises SpecError where none or several do."""
+    found = [case for case in study.cases if case.id.startswith(name)] if name else []
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise SpecError(f"--case {name}: {len(found)} cases begin so, such as {found[0].id} and {found[1].id}; give more of it")
+    raise SpecError(
+        f"--case {name}: the study {study.spec.name} has no such case with this version of wzsumo; results.parquet lists them"
+    )
+
+
 def _flat(table: Mapping[str, Any], prefix: str = "") -> Keys:
     """TOML reads `crowd.used = 5` as a table in a table: the dotted keys again."""
     flat: Keys = {}

@@ -1,8 +1,9 @@
 """The figures of a study. Points are means over seeds with their 95 % bootstrap interval."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -149,8 +150,8 @@ def draw_outcome(table: pd.DataFrame, *, along: str, across: str) -> Figure:
         for (row, column), share in np.ndenumerate(shares.to_numpy()):
             text = f"{share:.2f}\nn = {counts.iloc[row, column]:.0f}" if np.isfinite(share) else "none"
             panel.annotate(text, (column, row), ha="center", va="center", fontsize=8, color="white" if share < 0.6 else BLACK)
-        panel.set_xticks(range(shares.shape[1]), [f"{value:g}" for value in shares.columns.to_numpy()])
-        panel.set_yticks(range(shares.shape[0]), [f"{value:g}" for value in shares.index.to_numpy()])
+        panel.set_xticks(range(shares.shape[1]), _texts(shares.columns))
+        panel.set_yticks(range(shares.shape[0]), _texts(shares.index))
         panel.set(xlabel=plain(name_of(along)))
         panel.set_title(plain(method), fontsize=10, loc="left")
     axes[0, 0].set_ylabel(plain(name_of(across)))
@@ -167,7 +168,12 @@ def _lines_by(frame: pd.DataFrame, series: str | None) -> list[tuple[str, pd.Dat
     """The rows of each value of a factor, by its text; all of them where there is no factor."""
     if series is None:
         return [("all cases", frame)]
-    return [(f"{value:g}", frame[frame[series] == value]) for value in np.sort(frame[series].unique())]
+    levels = np.sort(frame[series].unique())
+    return [(text, frame[frame[series] == value]) for text, value in zip(_texts(levels), levels, strict=True)]
+
+
+def _texts(levels: Iterable[Any]) -> list[str]:
+    return [f"{value:g}" for value in levels]
 
 
 def _panels(rows: int, columns: int, *, height: float = 2.6) -> tuple[Figure, np.ndarray]:
@@ -193,5 +199,5 @@ def _places(values: pd.Series, number: int, *, levels: pd.Series) -> np.ndarray:
 
 def _show_levels(panel: Axes, levels: pd.Series) -> None:
     order = np.sort(levels.unique())
-    panel.set_xticks(range(len(order)), [f"{value:g}" for value in order])
+    panel.set_xticks(range(len(order)), _texts(order))
     panel.set_xlim(-0.4, len(order) - 0.4)

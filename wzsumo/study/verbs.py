@@ -17,15 +17,17 @@ from wzsumo.grid import FREE_THRESHOLD, blank_grid, read_map
 from wzsumo.output import staged_folder
 from wzsumo.planning.plan import PlannerSpec, plan_path
 from wzsumo.simulation.files import write_sumo_files
-from wzsumo.study.baselines import BASELINE_METHODS
-from wzsumo.study.case import run_case
 from wzsumo.study.figures import draw_zone
 from wzsumo.study.foreign_traces import map_foreign_traces
+from wzsumo.study.interface import run_case
 from wzsumo.study.layout_files import layout_geojson, write_layout
-from wzsumo.study.mapping_methods import MAP_METHODS, learn_from
+from wzsumo.study.mapping_methods import learn_from
 from wzsumo.study.report import write_report
 from wzsumo.study.result_folder import ResultFolder
+from wzsumo.study.result_store import MANIFEST, read_study
 from wzsumo.study.scenario import load_scenario
+from wzsumo.study.study_file import find_case
+from wzsumo.study.sweep_report import write_sweep_report
 from wzsumo.vehicle import VehicleGeometry
 
 Figures = dict[str, Any]
@@ -69,16 +71,13 @@ def write_net(scenario: Path, out: Path) -> Figures:
 
 def run_scenario(scenario: Path, out: Path, *, seed: int | None, methods: list[str] | None) -> Figures:
     """Run a whole case into `out`; its result."""
-    spec = load_scenario(scenario, seed=seed)
-    known = [*MAP_METHODS, *BASELINE_METHODS]
-    chosen = methods or (known if spec.slam else list(MAP_METHODS))
-    unknown = [name for name in chosen if name not in known]
-    if unknown:
-        raise SpecError(f"--method {unknown[0]}: unknown; known methods: {', '.join(known)}")
-    with staged_folder(out) as stage:
-        result = run_case(spec, stage, methods=chosen, progress=progress_bar)
-        write_report(stage)
-    return result
+    return run_case(load_scenario(scenario, seed=seed), out, methods=methods, progress=progress_bar)
+
+
+def run_case_again(folder: Path, out: Path, *, case: str) -> Figures:
+    """Run one case of a study alone, with its maps, paths, figures and report; its result."""
+    found = find_case(read_study(folder), case)
+    return run_case(found.scenario, out, methods=[found.method], progress=progress_bar)
 
 
 def map_traces(traces: Path, out: Path, *, method: str, seed: int, resolution_m: float) -> Figures:
@@ -109,9 +108,11 @@ def plan_on_map(map_yaml: Path, out: Path, *, start: list[float], goal: list[flo
 
 
 def report_again(folder: Path) -> Figures:
-    """Write the report of a run's folder again."""
+    """Write the report of a run's or a study's folder again."""
+    if (folder / MANIFEST).is_file():
+        return {"report": str(write_sweep_report(folder))}
     if not (folder / "result.json").is_file():
-        raise InputError(f"{folder}: holds no result.json; name the --out folder of a finished `wzsumo run`")
+        raise InputError(f"{folder}: holds no result.json; name the --out folder of a finished `wzsumo run` or `wzsumo sweep`")
     try:
         json.loads((folder / "result.json").read_text(encoding="utf-8"))
     except ValueError as error:

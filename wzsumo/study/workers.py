@@ -7,11 +7,13 @@ is killed while it holds the queue's lock stops them all; here it costs its own 
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -124,6 +126,7 @@ def _ending(exitcode: int | None) -> str:
 def _work(pipe: "Connection[Any, Any]") -> None:
     """Carry out what comes through the pipe until it ends. A task that raises ends the process: the next one starts clean."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    _hush_libraries()
     while True:
         try:
             function, args = pipe.recv()
@@ -131,6 +134,13 @@ def _work(pipe: "Connection[Any, Any]") -> None:
             return
         with _Telling(pipe):
             pipe.send((True, function(*args)))
+
+
+def _hush_libraries() -> None:
+    """SUMO writes warnings of every vehicle straight to file descriptor 2; only what Python says goes on to stderr."""
+    sys.stderr = os.fdopen(os.dup(2), "w", buffering=1)
+    with Path(os.devnull).open("w") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
 
 
 class _Telling:
