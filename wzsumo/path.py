@@ -1,13 +1,11 @@
 """ReferencePath: what a planner returns and a controller follows."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from shapely import Polygon, union_all
-from shapely.geometry.base import BaseGeometry
+import shapely
 
 from wzsumo.errors import InputError
 from wzsumo.frames import FloatArray, arc_length, wrap_angle
@@ -43,8 +41,7 @@ class ReferencePath:
         table.assign(s_m=self.arc_length, curvature_1pm=self.curvature).to_csv(path, index=False, float_format="%.6f")
 
 
-def swept_area(poses: npt.ArrayLike, vehicle: VehicleGeometry) -> BaseGeometry:
-    """Area that the outline of `vehicle` covers along rear-axle poses (n, 3): the union of hulls of neighbouring outlines."""
-    corners = np.array([vehicle.outline(pose) for pose in np.asarray(poses, dtype=float)])
-    pairs = [Polygon(np.vstack([a, b])).convex_hull for a, b in pairwise(corners)]
-    return union_all(pairs)
+def swept_pieces(poses: npt.ArrayLike, vehicle: VehicleGeometry) -> npt.NDArray[np.object_]:
+    """Hulls (n - 1,) of neighbouring outlines of `vehicle` along rear-axle poses (n, 3): together the area it covers."""
+    corners = vehicle.outline(poses)
+    return np.asarray(shapely.convex_hull(shapely.linestrings(np.concatenate([corners[:-1], corners[1:]], axis=1))))

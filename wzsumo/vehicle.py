@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from wzsumo.frames import FloatArray, to_world
+from wzsumo.frames import FloatArray
 from wzsumo.spec import Spec
 
 
@@ -51,7 +51,10 @@ class VehicleGeometry(Spec):
         """Radius [m] that the rear axle turns at full steering, kinematic bicycle."""
         return self.wheelbase_m / float(np.tan(np.deg2rad(self.max_steering_deg)))
 
-    def outline(self, pose: npt.ArrayLike) -> FloatArray:
-        """Corners (4, 2) in the world, counter-clockwise from rear right, of the vehicle with its rear axle at `pose`."""
+    def outline(self, poses: npt.ArrayLike) -> FloatArray:
+        """Corners (..., 4, 2) in the world, counter-clockwise from rear right, of the vehicle with its rear axle at `poses`."""
         rear, front, half = -self.rear_overhang_m, self.axle_to_bumper_m, self.width_m / 2
-        return to_world(pose, [(rear, -half), (front, -half), (front, half), (rear, half)])
+        x, y = np.array([(rear, -half), (front, -half), (front, half), (rear, half)]).T
+        pose = np.asarray(poses, dtype=float)[..., None]
+        cos, sin = np.cos(pose[..., 2, :]), np.sin(pose[..., 2, :])
+        return np.stack([pose[..., 0, :] + x * cos - y * sin, pose[..., 1, :] + x * sin + y * cos], axis=-1)

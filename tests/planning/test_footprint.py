@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import shapely
 
-from wzsumo.path import swept_area
+from wzsumo.path import swept_pieces
 from wzsumo.planning.distance_field import distance_field
 from wzsumo.planning.footprint import POINT_BODY, inscribed_radius, outline_body, pose_is_free, sweep_margin
 from wzsumo.vehicle import VehicleGeometry
@@ -64,4 +64,4 @@ def test_swept_hull_of_two_outlines_stays_within_the_sweep_margin(curvature, ste
     margin = sweep_margin(outline_body(CAR), step_m=step_m) * abs(curvature)
     wide = VehicleGeometry(width_m=CAR.width_m + 2 * margin)
     covered = shapely.union_all([shapely.Polygon(wide.outline(pose)) for pose in poses])
-    assert swept_area(poses, CAR).difference(covered.buffer(1e-9)).area < 1e-4
+    assert shapely.union_all(swept_pieces(poses, CAR)).difference(covered.buffer(1e-9)).area < 1e-4

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import shapely
 
 from wzsumo.frames import FloatArray, arc_length
-from wzsumo.path import swept_area
+from wzsumo.path import swept_pieces
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
@@ -24,9 +24,10 @@ class Clearance:
 def clearance_along(poses: npt.ArrayLike, *, vehicle: VehicleGeometry, layout: WorkZoneLayout) -> Clearance:
     """Clearance of rear-axle poses (n, 3) to the devices, the pavement's edges and the closed area of `layout`."""
     path = np.asarray(poses, dtype=float)
-    swept = swept_area(path, vehicle)
-    to_devices = shapely.distance(layout.device_outlines, swept)
-    outlines = np.array([vehicle.outline(pose) for pose in path])
+    # The distance to all that is swept is that to the nearest piece of it: no union is needed.
+    pieces = shapely.STRtree(swept_pieces(path, vehicle))
+    _, to_devices = pieces.query_nearest(layout.device_outlines, return_distance=True, all_matches=False)
+    outlines = vehicle.outline(path)
     _, d = layout.road.to_sd(outlines.reshape(-1, 2))
     to_edges = np.minimum(d + layout.road.right_shoulder, layout.road.left_edge - d)
     return Clearance(

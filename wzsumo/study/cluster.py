@@ -1,5 +1,6 @@
 """ClusterWorkers: the workers of a Dask cluster that runs already, used as those of this machine are (see `workers`)."""
 
+import re
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -16,6 +17,8 @@ class ClusterWorkers:
     """The workers of a Dask cluster that runs already, by its scheduler's address."""
 
     def __init__(self, address: str, *, version: Callable[[], str]) -> None:
+        if not re.fullmatch(r"(\w+://)?[^:/\s]+:\d+", address):
+            raise InputError(f"--scheduler {address}: must be [protocol://]host:port, such as tcp://10.0.0.1:8786")
         try:
             from distributed import Client
         except ImportError:

@@ -145,10 +145,10 @@ def draw_outcome(table: pd.DataFrame, *, along: str, across: str) -> Figure:
     for panel, method in zip(axes[0], methods, strict=True):
         cells = summarise(table[table["method"] == method], "safe_plan", by=[across, along])
         shares = cells.pivot(index=across, columns=along, values="mean")
-        counts = cells.pivot(index=across, columns=along, values="n").fillna(0)
+        counts = cells.pivot(index=across, columns=along, values="n").fillna(0).to_numpy()
         panel.imshow(shares, cmap="cividis", vmin=0, vmax=1, origin="lower", aspect="auto")
         for (row, column), share in np.ndenumerate(shares.to_numpy()):
-            text = f"{share:.2f}\nn = {counts.iloc[row, column]:.0f}" if np.isfinite(share) else "none"
+            text = f"{share:.2f}\nn = {counts[row, column]:.0f}" if np.isfinite(share) else "none"
             panel.annotate(text, (column, row), ha="center", va="center", fontsize=8, color="white" if share < 0.6 else BLACK)
         panel.set_xticks(range(shares.shape[1]), _texts(shares.columns))
         panel.set_yticks(range(shares.shape[0]), _texts(shares.index))
