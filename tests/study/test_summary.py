@@ -78,7 +78,7 @@ def test_traces_needed_are_those_from_which_on_all_larger_numbers_suffice():
     table = results(used=tuple(safe), value=lambda *_: 0.5)
     table["safe_plan"] = [seed < safe[n] for seed, n in zip(table["seed"], table["crowd.used"], strict=True)]
     table["minutes_to_collect"] = 2.0 * table["crowd.used"]
-    assert traces_needed(table, by=["method"]).to_numpy().tolist() == [["swept", 5.0, 10.0, 8]]
+    assert traces_needed(table, by=["method"]).to_numpy().tolist() == [["swept", 5.0, 10.0, 8, 1, 1.0]]
     table["safe_plan"] = table["crowd.used"] < 10
     assert traces_needed(table, by=["method"])[["traces", "minutes"]].isna().all(axis=None)
 

@@ -12,8 +12,11 @@ TRACES = "crowd.used"
 
 
 def traces_needed(table: pd.DataFrame, *, by: Sequence[str]) -> pd.DataFrame:
-    """Columns `by`, traces, minutes, n_seeds: the fewest traces from which on, with every larger number in the study as well,
-    the share of seeds with a safe plan is GOOD_ENOUGH, and the mean time until so many have come in; nan where none is.
+    """Columns `by`, traces, minutes, n_seeds, best_traces, best_share, one row a combination of `by`.
+
+    `traces` is the fewest from which on, with every larger number in the study as well, the share of seeds with a safe plan
+    is GOOD_ENOUGH, `minutes` the mean time until so many have come in; nan where there is none. `best_traces` has the largest
+    share of all.
     """
     safe = summarise(table, "safe_plan", by=[*by, TRACES]).rename(columns={"mean": "share", "n": "n_seeds"})
     minutes = summarise(table, "minutes_to_collect", by=[*by, TRACES]).rename(columns={"mean": "minutes"})
@@ -23,7 +26,9 @@ def traces_needed(table: pd.DataFrame, *, by: Sequence[str]) -> pd.DataFrame:
     for key, group in groups:
         enough = _from_which_on(group.sort_values(TRACES))
         traces, minutes_then = enough.iloc[0][[TRACES, "minutes"]] if len(enough) else (math.nan, math.nan)
+        best = group.iloc[int(group["share"].to_numpy().argmax())]
         found = {"traces": traces, "minutes": minutes_then, "n_seeds": group["n_seeds"].max()}
+        found |= {"best_traces": best[TRACES], "best_share": best["share"]}
         rows.append(dict(zip(by, key, strict=True)) | found)
     return pd.DataFrame(rows).astype({"traces": float, "minutes": float})
 

@@ -74,8 +74,12 @@ MEASURED_COLUMNS = {
     "minutes_to_collect": _number(
         "min", "from the first vehicle's leaving the zone to that of as many equipped ones as are used"
     ),
-    "n_passed": _count("vehicles that passed the zone"),
-    "fleet_mean_speed_mps": _number("m/s", "mean speed of the fleet in the activity area"),
+    "fleet_n_passed": _count("vehicles that passed the zone from end to end"),
+    "fleet_mean_speed_activity_mps": _number("m/s", "mean speed of the fleet in the activity area"),
+    "fleet_throughput_vph": _number("veh/h", "flow past the middle of the activity area, after the warm-up"),
+    "fleet_mean_delay_s": _number("s", "mean delay of the vehicles that came through, departure delay included"),
+    "fleet_max_queue_length_m": _number("m", "longest queue"),
+    "fleet_n_hard_braking": _count("vehicles that braked hard"),
 }
 BATCH_SCHEMA = pa.schema(
     [("case", pa.string()), *((name, column.type) for name, column in MEASURED_COLUMNS.items()), ("case_cpu_s", pa.float64())]

@@ -96,7 +96,7 @@ def draw_minutes(table: pd.DataFrame) -> Figure:
     needed = traces_needed(table, by=by)
     parts = [
         (method if errors is None else f"{method}, GNSS error {label} m", part)
-        for method in dict.fromkeys(needed["method"])
+        for method in dict.fromkeys(table["method"])
         for label, part in _lines_by(needed[needed["method"] == method], errors)
     ]
     figure, axes = _panels(1, len(parts), height=3.2)

@@ -5,7 +5,7 @@ Workers need no folder in common: what a simulation gives comes back as the byte
 
 import io
 import json
-import os
+import resource
 import tempfile
 import threading
 import time
@@ -22,13 +22,15 @@ import pyarrow.parquet as pq
 from wzsumo.ego import EgoRun
 from wzsumo.errors import InputError
 from wzsumo.metrics.fleet import summarise_fleet
+from wzsumo.metrics.traffic import measure_traffic
 from wzsumo.output import parquet_bytes
 from wzsumo.planning.plan import Plan, PlanStatus
 from wzsumo.sensing.equipped import choose_equipped, first_traces
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
+from wzsumo.simulation.trips import read_trips, trips_file
 from wzsumo.study.assessment import assess
-from wzsumo.study.case import drive_plan, map_of_zone, plan_for, quiet_progress
+from wzsumo.study.case import WARM_UP_S, drive_plan, map_of_zone, plan_for, quiet_progress
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
 from wzsumo.study.guides import crowd_guide
 from wzsumo.study.mapping_methods import Crowd, learn_from
@@ -36,6 +38,9 @@ from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site, prepare_site
 from wzsumo.study.study_case import StudyCase
 
+FLEET_FIGURES = (
+    "n_passed", "mean_speed_activity_mps", "throughput_vph", "mean_delay_s", "max_queue_length_m", "n_hard_braking",
+)  # fmt: skip
 _FLEET = b"fleet"  # key of the fleet's summary in the Parquet file
 _ONE_SIMULATION = threading.Lock()  # libsumo allows one a process, and a Dask worker may run several threads
 
@@ -46,7 +51,8 @@ def simulate(scenario: Scenario) -> bytes:
     with _ONE_SIMULATION, _in_processor_seconds() as spent, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
         files = write_sumo_files(layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
         fleet = simulate_fleet(files, on_second=lambda _time: None)
-    summary = asdict(summarise_fleet(fleet, layout)) | {"simulation_cpu_s": spent[0]}
+        traffic = measure_traffic(fleet, read_trips(trips_file(files)), layout, dt=files.step_length, warm_up_s=WARM_UP_S)
+    summary = asdict(summarise_fleet(fleet, layout)) | asdict(traffic.summary) | {"simulation_cpu_s": spent[0]}
     table = pa.Table.from_pandas(traces_over_zone(fleet, layout), preserve_index=False)
     metadata = dict(table.schema.metadata or {}) | {_FLEET: json.dumps(summary).encode()}
     return parquet_bytes(table.replace_schema_metadata(metadata))
@@ -66,8 +72,9 @@ def evaluate(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any
                 row = shared.collection_of(case.scenario) | shared.evaluation_of(case) | {"status": "DONE"}
             except InputError as error:
                 row = {"status": "REFUSED", "reason": str(error)}
-        known = {"case": case.id, "n_passed": fleet["n_passed"], "fleet_mean_speed_mps": fleet["mean_speed_activity_mps"]}
-        rows.append(known | row | {"case_cpu_s": spent[0]})
+        rows.append(
+            {"case": case.id, **{f"fleet_{name}": fleet[name] for name in FLEET_FIGURES}, **row, "case_cpu_s": spent[0]}
+        )
     return rows
 
 
@@ -148,14 +155,13 @@ def _drive(plan: Plan, case: StudyCase, site: Site) -> EgoRun | None:
 
 @contextmanager
 def _in_processor_seconds() -> Iterator[list[float]]:
-    """A list that holds the processor time [s] of the block once it is over."""
+    """A list that holds the processor time [s] of the block, and of the programs it ran, once it is over."""
     spent: list[float] = []
-    began = _processor_seconds()
+    began = _processor_s()
     yield spent
-    spent.append(round(_processor_seconds() - began, 4))
+    spent.append(round(_processor_s() - began, 4))
 
 
-def _processor_seconds() -> float:
-    """Of this thread, and of SUMO's runs that ended: they are processes of their own."""
-    ended = os.times()
-    return time.thread_time() + ended.children_user + ended.children_system
+def _processor_s() -> float:
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.thread_time() + children.ru_utime + children.ru_stime

@@ -8,10 +8,11 @@ import multiprocessing
 import os
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
@@ -47,6 +48,8 @@ class LocalWorkers:
         self._tasks: SimpleQueue[tuple[Future[Any], Task] | None] = SimpleQueue()
         self._stopping = threading.Event()
         self._processes: list[_Process | None] = [None] * count
+        # A process that is killed leaves its temporary files; these go with the pool.
+        self._scratch = tempfile.TemporaryDirectory(prefix="wzsumo-", ignore_cleanup_errors=True)
         self._threads = [threading.Thread(target=self._serve, args=(slot,), daemon=True) for slot in range(count)]
 
     def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
@@ -70,11 +73,12 @@ class LocalWorkers:
                 process.kill()
         for thread in self._threads:
             thread.join()
+        self._scratch.cleanup()
 
     def _serve(self, slot: int) -> None:
         while (item := self._tasks.get()) is not None and not self._stopping.is_set():
             future, task = item
-            process = self._processes[slot] or _Process()
+            process = self._processes[slot] or _Process(self._scratch.name)
             self._processes[slot] = process
             if self._stopping.is_set():  # asked after the process can be seen, so that one of the two threads ends it
                 break
@@ -90,12 +94,12 @@ class LocalWorkers:
 
 
 class _Process:
-    """One process and the pipe to it."""
+    """One process, the pipe to it, and with it the group of what it starts, such as SUMO."""
 
-    def __init__(self) -> None:
+    def __init__(self, scratch: str) -> None:
         spawn = multiprocessing.get_context("spawn")  # a fork would copy the threads' locks as they happen to be
         self._pipe, theirs = spawn.Pipe()
-        self._process = spawn.Process(target=_work, args=(theirs,), daemon=True)
+        self._process = spawn.Process(target=_work, args=(theirs, scratch), daemon=True)
         self._process.start()
         theirs.close()  # else the pipe would not end with the process
 
@@ -113,6 +117,8 @@ class _Process:
         return done, answer
 
     def kill(self) -> None:
+        with suppress(ProcessLookupError):  # it has not come so far as to have a group, or its group has ended
+            os.killpg(self._process.pid or 0, signal.SIGKILL)
         self._process.kill()
         self._process.join()
 
@@ -123,8 +129,10 @@ def _ending(exitcode: int | None) -> str:
     return f"its process ended with exit code {exitcode}"
 
 
-def _work(pipe: "Connection[Any, Any]") -> None:
+def _work(pipe: "Connection[Any, Any]", scratch: str) -> None:
     """Carry out what comes through the pipe until it ends. A task that raises ends the process: the next one starts clean."""
+    os.setsid()
+    tempfile.tempdir = scratch
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _hush_libraries()
     while True:
@@ -160,7 +168,7 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
-    os._exit(1)
+    os.killpg(0, signal.SIGKILL)
 
 
 @contextmanager

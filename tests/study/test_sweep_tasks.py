@@ -1,0 +1,55 @@
+import pytest
+from study_trials import a_study
+
+from wzsumo.study.case import quiet_progress, run_case
+from wzsumo.study.results import MEASURED_COLUMNS
+from wzsumo.study.sweep_tasks import evaluate, read_simulated, simulate
+
+SHORT = {"simulation.demand.duration_s": 200.0, "simulation.demand.flow_vph": 1200.0, "map.resolution_m": 0.25}
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return simulate(a_study(fixed=SHORT, seed=[21]).cases[0].scenario)
+
+
+def rows_of(simulated, **study):
+    return [measured(row) for row in evaluate(simulated, a_study(fixed=SHORT, **study).cases)]
+
+
+def measured(row):
+    """What the table keeps of a row: all but how long it took."""
+    return {name: row[name] for name in ("case", *MEASURED_COLUMNS) if name in row}
+
+
+def test_row_of_a_case_has_the_figures_of_the_same_case_run_alone(simulated, tmp_path):
+    study = a_study(fixed=SHORT, seed=[21], crowd__used=[3], crowd__penetration=[0.5])
+    (row,) = evaluate(simulated, study.cases)
+    alone = run_case(study.cases[0].scenario, tmp_path, methods=["swept"], progress=quiet_progress)
+    figures = alone["methods"]["swept"]
+    shared = ("precision", "recall", "iou", "n_fragments", "n_traces", "n_components", "plan_status", "n_expansions")
+    assert {name: row[name] for name in shared} == {name: figures[name] for name in shared}
+    assert row["planned_min_clearance_devices_m"] == figures["planned"]["min_clearance_devices_m"]
+    assert row["fleet_n_passed"] == alone["fleet"]["n_passed"]
+    assert row["fleet_throughput_vph"] == alone["traffic"]["throughput_vph"]
+
+
+def test_cases_evaluated_together_and_alone_give_the_same_rows(simulated):
+    factors = {"seed": [21], "crowd.used": [2, 4], "crowd.penetration": [0.3, 0.6], "gnss.error_m": [0.0, 1.0]}
+    together = rows_of(simulated, methods=("swept", "paper"), **factors)
+    for case, row in zip(a_study(fixed=SHORT, methods=("swept", "paper"), **factors).cases, together, strict=True):
+        (alone,) = evaluate(simulated, [case])
+        assert measured(alone) == row
+
+
+def test_more_traces_than_the_fleet_gives_are_a_refused_case_and_not_a_failure(simulated):
+    done, refused = rows_of(simulated, seed=[21], crowd__used=[1, 500])
+    assert (done["status"], refused["status"]) == ("DONE", "REFUSED")
+    assert "crowd.used=500 asks for more traces than the fleet gives" in refused["reason"]
+
+
+def test_minutes_to_collect_count_from_the_first_vehicle_to_the_last_equipped_one_that_is_needed(simulated):
+    left_at_s = read_simulated(simulated)[0].groupby("vehicle_id")["time_s"].max().sort_values()
+    (row,) = rows_of(simulated, seed=[21], crowd__used=[4], crowd__penetration=[1.0])  # everybody is equipped
+    assert row["minutes_to_collect"] == pytest.approx((left_at_s.iloc[3] - left_at_s.iloc[0]) / 60)
+    assert row["n_equipped"] == len(left_at_s) == row["fleet_n_passed"]
