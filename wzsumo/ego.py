@@ -49,9 +49,13 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EgoRun:
-    """The driven run: a log with `tables.EGO_LOG_COLUMNS`, one row a control step, and its outcome."""
+    """The driven run: a log with `tables.EGO_LOG_COLUMNS`, one row a control step, and its outcome.
+
+    `traffic` is a trace table with all columns: the vehicles near the ego, ten times a second.
+    """
 
     log: pd.DataFrame
+    traffic: pd.DataFrame
     outcome: Outcome
     reason: str  # one sentence, empty where the goal was reached
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from wzsumo.ego import EgoState
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.session import Traffic
-from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait, way_along, whom_to_mind
+from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait, route_along, whom_to_mind
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
@@ -32,7 +32,7 @@ def way(y=RIGHT, *, slope=0.0, speed=10.0, desired_speed=10.0, x=50.0):
     s = np.arange(0.0, 200.0)
     path = ReferencePath(poses=np.column_stack([x + s, y + slope * s, np.full_like(s, np.arctan(slope))]))
     return Way(
-        path=path, along=way_along(path, layout=LAYOUT, vehicle=CAR), station=0.0, vehicle=CAR,
+        route=route_along(path, layout=LAYOUT, vehicle=CAR), station=0.0, vehicle=CAR,
         state=EgoState(x=x, y=y, heading=float(np.arctan(slope)), speed=speed),
         desired_speed=desired_speed, acceleration=1.4,
     )  # fmt: skip

@@ -5,13 +5,14 @@ pose of its REAR AXLE.
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from wzsumo.ego import EgoState
 from wzsumo.errors import SumoMissingError
@@ -36,6 +37,14 @@ class Traffic:
     speeds: FloatArray
     lengths: FloatArray
     widths: FloatArray
+
+    def near(self, x: float, y: float, *, reach_m: float) -> "Traffic":
+        """The vehicles whose centre lies within `reach_m` of (x, y) [m]."""
+        kept = np.hypot(self.poses[:, 0] - x, self.poses[:, 1] - y) <= reach_m
+        return Traffic(
+            ids=tuple(name for name, is_near in zip(self.ids, kept, strict=True) if is_near),
+            poses=self.poses[kept], speeds=self.speeds[kept], lengths=self.lengths[kept], widths=self.widths[kept],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,6 +160,23 @@ class Session:
     def _take_over(self, name: str) -> None:
         self._sumo.vehicle.setSpeedMode(name, 0)
         self._sumo.vehicle.setLaneChangeMode(name, 0)
+
+
+def traffic_trace(moments: Iterable[tuple[float, Traffic]]) -> pd.DataFrame:
+    """The trace table, with all its columns, of the traffic at times [s]."""
+    moments = list(moments)
+    counts = [len(traffic.ids) for _, traffic in moments]
+    poses = np.concatenate([np.empty((0, 3)), *(traffic.poses for _, traffic in moments)])
+
+    def column(name: str) -> FloatArray:
+        return np.concatenate([np.empty(0), *(getattr(traffic, name) for _, traffic in moments)])
+
+    return pd.DataFrame({
+        "vehicle_id": [name for _, traffic in moments for name in traffic.ids],
+        "time_s": np.repeat([time for time, _ in moments], counts),
+        "x_m": poses[:, 0], "y_m": poses[:, 1], "heading_rad": poses[:, 2],
+        "speed_mps": column("speeds"), "length_m": column("lengths"), "width_m": column("widths"),
+    })  # fmt: skip
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from typing import Any
 from wzsumo.ego import EgoRun, Outcome
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.clearance import clearance_along
+from wzsumo.metrics.drive import measure_drive
 from wzsumo.metrics.map_quality import quality_of_cells
 from wzsumo.planning.plan import Plan
 from wzsumo.study.mapping_methods import Crowd
@@ -39,5 +40,6 @@ def assess(
         "n_expansions": plan.n_expansions,
         "drive_time_s": float(run.log["time_s"].iloc[-1] - run.log["time_s"].iloc[0]) if driven and run else None,
         "max_cross_track_m": float(run.log["cross_track_m"].abs().max()) if driven and run else None,
+        "drive": asdict(measure_drive(run, scenario.vehicle)) if driven and run else None,
         "plan_ms": plan.timings_ms["total"],
     }

@@ -36,6 +36,7 @@ def write_method(folder: Path, method: str, grid: OccupancyGrid, plan: Plan, run
     write_path(folder, method, plan)
     if run:
         run.log.to_csv(folder / "drives" / f"{method}.csv", index=False, float_format="%.5f")
+        run.traffic.to_parquet(folder / "drives" / f"{method}_traffic.parquet", index=False)
 
 
 def write_path(folder: Path, name: str, plan: Plan) -> None:

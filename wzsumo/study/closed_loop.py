@@ -9,10 +9,11 @@ from wzsumo.control.controller import Controller, ControlSpec
 from wzsumo.control.plant import PlantSpec, advance_ego
 from wzsumo.ego import Command, EgoRun, EgoState, Outcome
 from wzsumo.frames import FloatArray, advance
+from wzsumo.metrics.drive import on_clock
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.files import SumoFiles
-from wzsumo.simulation.session import Session, running
-from wzsumo.study.giving_way import Way, way_along, whom_to_mind
+from wzsumo.simulation.session import Session, Traffic, running, traffic_trace
+from wzsumo.study.giving_way import Way, route_along, whom_to_mind
 from wzsumo.study.lane_intrusion import intrusions
 from wzsumo.study.surroundings import Surroundings
 from wzsumo.tables import EGO_LOG_COLUMNS
@@ -20,6 +21,7 @@ from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
 STEP_S = 0.05  # 20 commands a second, each followed by moveToXY
+TRAFFIC_LOG_M = 100.0  # vehicles within this of the ego are logged: 4 s at 25 m/s
 INSERTION_WAIT_S = 120.0  # how long SUMO may look for a gap that a driver would enter
 
 
@@ -47,29 +49,34 @@ def drive_path(
             session.step()
         state = _enter(session, path, layout=layout, files=files, drive=drive)
         if state is None:
-            return EgoRun(
-                log=pd.DataFrame(columns=list(EGO_LOG_COLUMNS)),
-                outcome=Outcome.TIMED_OUT,
-                reason=f"no gap to enter the road within {INSERTION_WAIT_S:g} s",
-            )
-        controller, control, rows = Controller(path, drive.vehicle, drive.control), drive.control, []
-        traffic, along = session.traffic(), way_along(path, layout=layout, vehicle=drive.vehicle)
+            return _run([], [], Outcome.TIMED_OUT, f"no gap to enter the road within {INSERTION_WAIT_S:g} s")
+        controller, control = Controller(path, drive.vehicle, drive.control), drive.control
+        rows: list[tuple[float, ...]] = []
+        seen: list[tuple[float, Traffic]] = []
+        traffic, route = session.traffic(), route_along(path, layout=layout, vehicle=drive.vehicle)
         while True:
             way = Way(
-                path=path, along=along, station=controller.station_m, state=state, vehicle=drive.vehicle,
+                route=route, station=controller.station_m, state=state, vehicle=drive.vehicle,
                 desired_speed=control.target_speed_mps, acceleration=control.idm.acceleration_mps2,
             )  # fmt: skip
             command = controller.command(state, dt=STEP_S, leader=whom_to_mind(way, traffic, layout=layout))
             rows.append(_log_row(session.time, state, command, controller))
+            if on_clock(session.time):
+                seen.append((session.time, traffic.near(state.x, state.y, reach_m=TRAFFIC_LOG_M)))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
-            seen = intrusions(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
-            session.place_ego(state, drive.vehicle, intrusions=seen)
+            over_lines = intrusions(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
+            session.place_ego(state, drive.vehicle, intrusions=over_lines)
             session.step()
             on_step(controller.station_m)
             traffic = session.traffic()
             ended = surroundings.contact(state, traffic) or _ending(controller, session.time, drive)
             if ended:
-                return EgoRun(log=pd.DataFrame(rows, columns=list(EGO_LOG_COLUMNS)), outcome=ended[0], reason=ended[1])
+                return _run(rows, seen, *ended)
+
+
+def _run(rows: list[tuple[float, ...]], seen: list[tuple[float, Traffic]], outcome: Outcome, reason: str) -> EgoRun:
+    log = pd.DataFrame(rows, columns=list(EGO_LOG_COLUMNS))
+    return EgoRun(log=log, traffic=traffic_trace(seen), outcome=outcome, reason=reason)
 
 
 def _finer_steps(files: SumoFiles) -> tuple[str, ...]:

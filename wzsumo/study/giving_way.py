@@ -23,15 +23,24 @@ REACTION_TIME_S = 1.0  # of the driver behind; SUMO's default tau
 SIDE_MARGIN_M = 0.3  # the same that other drivers keep beside the ego
 END_MARGIN_M = 2.0  # standstill gap of the intelligent driver model, Treiber et al. 2000
 LEAST_MOVE_M = 0.1  # sideways; less is no move into another's way, though the other may have come near
-_BEHIND_M, _AHEAD_M = 150.0, 20.0  # who may come alongside within the foresight
+_BEHIND_M = 150.0  # who may come alongside within the foresight
+_AHEAD_M = 20.0  # beyond the reach of the leader's search: the longest vehicle's half, and the path's bends
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Route:
+    """A path with what is asked of it at each step, one row a pose; made by `route_along`."""
+
+    poses: FloatArray  # (n, 3) of the REAR AXLE
+    stations: FloatArray  # (n,) m along the path
+    on_road: FloatArray  # (n, 2) m, station and lateral offset on the road, of the vehicle's CENTRE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Way:
-    """The ego on its path: where it is and how it would go on if nobody hindered it."""
+    """The ego on its route: where it is and how it would go on if nobody hindered it."""
 
-    path: ReferencePath
-    along: FloatArray  # (n, 2) station and lateral offset [m] on the road of the vehicle's CENTRE, one row a pose of the path
+    route: Route
     station: float  # m, of the rear axle along the path
     state: EgoState
     vehicle: VehicleGeometry
@@ -39,9 +48,10 @@ class Way:
     acceleration: float  # m/s2, with which it takes up speed
 
 
-def way_along(path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> FloatArray:
-    """`Way.along` of a path, which stays the same on all of it."""
-    return np.column_stack(layout.road.to_sd(advance(path.poses, vehicle.axle_to_centre_m)[:, :2]))
+def route_along(path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> Route:
+    """The route of a path on the road of `layout`."""
+    centres = advance(path.poses, vehicle.axle_to_centre_m)[:, :2]
+    return Route(poses=path.poses, stations=path.arc_length, on_road=np.column_stack(layout.road.to_sd(centres)))
 
 
 def whom_to_mind(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leader | None:
@@ -54,12 +64,13 @@ def whom_to_mind(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leade
 
 def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
     """The nearest vehicle ahead whose body reaches into the ego's way along the path."""
-    s, station, vehicle = way.path.arc_length, way.station, way.vehicle
+    station, vehicle = way.station, way.vehicle
     reach = max(30.0, 6 * way.state.speed)
-    ahead = (s >= station) & (s <= station + reach)
-    if ahead.sum() < 2:
+    first, last = np.searchsorted(way.route.stations, [station, station + reach])
+    traffic = traffic.near(way.state.x, way.state.y, reach_m=reach + _AHEAD_M)
+    if last - first < 2 or not traffic.ids:
         return None
-    poses, poses_s = way.path.poses[ahead], s[ahead]
+    poses, poses_s = way.route.poses[first:last], way.route.stations[first:last]
     offset = traffic.poses[:, None, :2] - poses[None, :, :2]
     nearest = np.argmin(np.einsum("ijk,ijk->ij", offset, offset), axis=1)
     index = np.arange(len(traffic.ids))
@@ -69,8 +80,8 @@ def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
     in_way &= gap > -traffic.lengths
     if not in_way.any():
         return None
-    first = int(np.argmin(np.where(in_way, gap, np.inf)))
-    return Leader(gap_m=float(max(gap[first], 0.0)), speed_mps=float(traffic.speeds[first]))
+    who = int(np.argmin(np.where(in_way, gap, np.inf)))
+    return Leader(gap_m=float(max(gap[who], 0.0)), speed_mps=float(traffic.speeds[who]))
 
 
 def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leader | None:
@@ -81,24 +92,19 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Lead
     their bodies would meet; then the other must be past, or so far behind that it can brake to the ego's speed with
     SAFE_DECELERATION_MPS2 after REACTION_TIME_S. Whoever is in the ego's way already follows it, or is followed.
     """
-    own_now = np.array([np.interp(way.station, way.path.arc_length, column) for column in way.along.T])
-    station, across = layout.road.to_sd(traffic.poses[:, :2])
-    near = (station > own_now[0] - _BEHIND_M) & (station < own_now[0] + _AHEAD_M)
-    if not near.any():
+    traffic = traffic.near(way.state.x, way.state.y, reach_m=_BEHIND_M)
+    if not traffic.ids:
         return None
-    station, across, speeds = station[near], across[near], traffic.speeds[near]
-    half_width, half_length = (
-        (traffic.widths[near] + way.vehicle.width_m) / 2,
-        (traffic.lengths[near] + way.vehicle.length_m) / 2,
-    )
+    station, across = layout.road.to_sd(traffic.poses[:, :2])
+    half_width, half_length = (traffic.widths + way.vehicle.width_m) / 2, (traffic.lengths + way.vehicle.length_m) / 2
     times = np.arange(0.0, FORESIGHT_S + 1e-9, TIME_STEP_S)
     path_stations, own_speeds = _carried_on(way, times)
-    own = np.column_stack([np.interp(path_stations, way.path.arc_length, column) for column in way.along.T])
+    own = np.column_stack([np.interp(path_stations, way.route.stations, column) for column in way.route.on_road.T])
     side_gap = np.abs(own[:, 1] - _tracks(station, across, own[:, 0], layout=layout)) - half_width[:, None]
     moved_into = (side_gap < SIDE_MARGIN_M) & (side_gap < side_gap[:, :1] - LEAST_MOVE_M) & (side_gap[:, :1] > 0)
     entry = np.argmax(moved_into, axis=1)
-    ahead = station + speeds * times[entry] - own[entry, 0]  # of the other before the ego, centre to centre
-    closing = np.maximum(speeds - own_speeds[entry], 0.0)
+    ahead = station + traffic.speeds * times[entry] - own[entry, 0]  # of the other before the ego, centre to centre
+    closing = np.maximum(traffic.speeds - own_speeds[entry], 0.0)
     needed = END_MARGIN_M + closing * REACTION_TIME_S + closing**2 / (2 * SAFE_DECELERATION_MPS2)
     clear = (ahead - half_length > END_MARGIN_M) | (-ahead - half_length > needed)
     hindered = moved_into.any(axis=1) & ~clear

@@ -23,14 +23,13 @@ def intrusions(
     would stop there for good. He drives on; who follows him sees the ego afterwards.
     """
     front = advance(state.pose, vehicle.axle_to_bumper_m)
-    (station,), (across,) = road.to_sd(front[None, :2])
+    stations, offsets = road.to_sd(np.vstack([front[:2], vehicle.outline(state.pose)]))
+    station, across, lowest, highest = stations[0], offsets[0], float(offsets[1:].min()), float(offsets[1:].max())
     edge = next((edge for edge in edges if edge.start <= station < edge.end), edges[-1])
     borders = [(float(lane.right(station)), float(lane.left(station))) for lane in edge.lanes]
     from_centre = np.array([abs((right + left) / 2 - across) for right, left in borders])
     nearest = int(np.argmin(from_centre))
     own = None if (np.delete(from_centre, nearest) < from_centre[nearest] + TIE_M).any() else nearest
-    _, offsets = road.to_sd(vehicle.outline(state.pose))
-    lowest, highest = float(offsets.min()), float(offsets.max())
     beside = _beside(state, vehicle, traffic)
     _, theirs = road.to_sd(traffic.poses[beside, :2]) if beside.any() else (None, np.empty(0))
     found = []

@@ -129,9 +129,9 @@ def _evaluated(case: StudyCase, crowd: Crowd, site: Site) -> dict[str, Any]:
     plan = plan_for(case.method, grid, scenario=scenario, site=site, guide=crowd_guide(crowd, site=site))
     run = _drive(plan, case, site) if case.drive else None
     figures = assess(grid, plan, run, crowd=crowd, scenario=scenario, site=site)
-    planned, driven = figures.pop("planned") or {}, figures.pop("driven") or {}
+    planned, driven, measured = (figures.pop(name) or {} for name in ("planned", "driven", "drive"))
     figures |= {f"planned_{name}": value for name, value in planned.items()}
-    figures |= {f"driven_{name}": value for name, value in driven.items()}
+    figures |= {f"driven_{name}": value for name, value in (driven | measured).items()}
     if plan.path is not None and not case.drive:
         figures |= {"outcome": None, "reason": ""}
     return figures | {

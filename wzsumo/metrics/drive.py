@@ -1,0 +1,74 @@
+"""What a drive was like: its conflicts with the traffic around it, its accelerations, how it ran through the zone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from wzsumo.ego import EgoRun
+from wzsumo.frames import FloatArray, advance, wrap_angle
+from wzsumo.metrics.conflicts import conflicts_with_traffic
+from wzsumo.vehicle import VehicleGeometry
+
+CLOCK_S = 0.1  # of the surrounding traffic's log
+SMOOTHING_S = 0.5  # accelerations and jerk are means over this: single steps of a log hold noise of its digits
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveMeasures:
+    """Figures of one drive; a conflict that there was not is inf (TTC, PET) or 0 (DRAC)."""
+
+    min_ttc_s: float  # time to collision with any vehicle
+    max_drac_mps2: float  # deceleration that avoids the crash, the ego's or the other's
+    min_pet_s: float  # post-encroachment time; in car following it is the net time gap
+    max_lateral_acceleration_mps2: float
+    max_braking_mps2: float
+    max_jerk_mps3: float  # along the path
+    stopped_s: float  # time below 0.1 m/s
+    mean_speed_mps: float
+
+
+def measure_drive(run: EgoRun, vehicle: VehicleGeometry) -> DriveMeasures:
+    """The measures of a run that has at least two rows in its log."""
+    log = run.log
+    time, speed = log["time_s"].to_numpy(dtype=float), log["speed_mps"].to_numpy(dtype=float)
+    step = float(np.median(np.diff(time)))
+    over = max(1, round(SMOOTHING_S / step))
+    acceleration = _rate(speed, over) / step
+    yaw_rate = _rate(np.concatenate([[0.0], np.cumsum(wrap_angle(np.diff(log["heading_rad"])))]), over) / step
+    jerk = _rate(acceleration, over) / step
+    conflicts = conflicts_with_traffic(_ego_trace(run, vehicle), run.traffic, dt=CLOCK_S) if len(run.traffic) else None
+    return DriveMeasures(
+        min_ttc_s=float(conflicts["min_ttc_s"].min()) if conflicts is not None else np.inf,
+        max_drac_mps2=float(conflicts["max_drac_mps2"].max()) if conflicts is not None else 0.0,
+        min_pet_s=float(conflicts["pet_s"].min()) if conflicts is not None else np.inf,
+        max_lateral_acceleration_mps2=float(np.abs(yaw_rate * speed).max()),
+        max_braking_mps2=float(max(-acceleration.min(), 0.0)),
+        max_jerk_mps3=float(np.abs(jerk).max()),
+        stopped_s=float((speed < 0.1).sum() * step),
+        mean_speed_mps=float(speed.mean()),
+    )
+
+
+def on_clock(time_s: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Whether times are on the clock of the surrounding traffic's log."""
+    ticks = np.asarray(time_s, dtype=float) / CLOCK_S
+    return np.asarray(np.abs(ticks - np.round(ticks)) < 0.01)
+
+
+def _ego_trace(run: EgoRun, vehicle: VehicleGeometry) -> pd.DataFrame:
+    """The ego as a trace of its CENTRE on the clock of the traffic's log."""
+    log = run.log[on_clock(run.log["time_s"])]
+    centre = advance(log[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float), vehicle.axle_to_centre_m)
+    return pd.DataFrame({
+        "vehicle_id": "ego", "time_s": (log["time_s"] / CLOCK_S).round() * CLOCK_S, "x_m": centre[:, 0], "y_m": centre[:, 1],
+        "heading_rad": centre[:, 2], "speed_mps": log["speed_mps"], "length_m": vehicle.length_m, "width_m": vehicle.width_m,
+    })  # fmt: skip
+
+
+def _rate(values: FloatArray, over: int) -> FloatArray:
+    """Mean change a step of values (n,), over `over` steps around each."""
+    half = np.arange(len(values))
+    after, before = np.minimum(half + (over + 1) // 2, len(values) - 1), np.maximum(half - over // 2, 0)
+    return np.asarray((values[after] - values[before]) / np.maximum(after - before, 1))
