@@ -188,7 +188,9 @@ class WorkZoneLayout:
     def pavement(self) -> BaseGeometry:
         """All of the road's surface but the closed area."""
         whole = self.road.strip(0.0, self.road.length, -self.road.right_shoulder, self.road.left_edge)
-        return whole - self.closed_area
+        # Along a bend rounding leaves slivers where the two share an edge.
+        parts = shapely.get_parts(whole - self.closed_area)
+        return union_all(parts[shapely.area(parts) > 1e-4])
 
     @cached_property
     def device_outlines(self) -> npt.NDArray[Any]:

@@ -98,6 +98,7 @@ def test_layout_command_writes_the_zone_that_the_paper_names(tmp_path, capsys):
         "closed_area",
         "pavement",
         "reference_line",
+        "lane",
         "device",
         "sign",
     }

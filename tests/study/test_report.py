@@ -30,9 +30,13 @@ def folder(tmp_path_factory):
     areas = [("merging $L$ taper", 100, 300), (HOSTILE, 300, 480), ("downstream taper", 480, 500)]
     polygons = {"drivable": DRIVABLE, "closed_area": CLOSED, "pavement": shapely.box(0, -3, 600, 12) - CLOSED}
     features = [_feature(polygon, name=name) for name, polygon in polygons.items()]
-    features += [
-        _feature(shapely.Point(x, 7.4), name="device", kind="drum", height_m=0.9, radius_m=0.2) for x in range(100, 501, 20)
-    ]
+    features += [_feature(shapely.Point(x, 7.4), name="device", kind="drum", s_m=x, d_m=7.4, heading_rad=0.0, height_m=0.9,
+                          radius_m=0.2, length_m=0.0) for x in range(100, 501, 20)]  # fmt: skip
+    features.append(_feature(shapely.Point(20, -5), name="sign", code="W20-1", text=HOSTILE, s_m=20, d_m=-5, heading_rad=0.0))
+    section = {"lane_widths_m": [3.6, 3.6], "left_shoulder_m": 4.8, "right_shoulder_m": 3.0, "opposing_lanes": 0}
+    features.append(_feature(shapely.LineString([(0, 3.6), (600, 3.6)]), name="reference_line", **section))
+    place = {"index": 0, "opposing": False, "start_m": 0, "end_m": 600}
+    features.append(_feature(shapely.box(0, 0, 600, 3.6), name="lane", **place))
     _write_json(
         folder / "layout.geojson",
         {
@@ -168,7 +172,7 @@ def test_stretch_of_an_axis_is_the_ratio_of_its_two_scales():
     _, (axes,) = new_figure(1, row_height=1.6)
     axes.set(xlim=(0, 950.25), ylim=(0, 16))  # 10.5 in * 0.905 = 9.5025 in for 950.25 m; 1.6 in for 16 m: 1 to 10
     state_stretch(axes)
-    assert axes.get_xlabel() == "x [m]  (y is stretched 10.0 : 1)"
+    assert axes.get_xlabel() == "station [m]  (the offset is stretched 10.0 : 1)"
 
 
 def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder, tmp_path):

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from wzsumo.study.result_folder import ResultFolder
+from wzsumo.study.unrolled import unrolled_area
 from wzsumo.study.zone_axes import (
     BLACK,
     BLUE,
@@ -15,8 +16,8 @@ from wzsumo.study.zone_axes import (
     add_area,
     new_figure,
     plain,
+    show_cells,
     show_zone,
-    state_stretch,
     thirds,
 )  # fmt: skip
 
@@ -32,25 +33,20 @@ NAMES = {
 def draw_baseline_paths(run: ResultFolder, methods: list[str]) -> Figure:
     """The map of every baseline and what is planned on it, to the ego's own lane and to the open lane (paper: 8 and 10)."""
     figure, rows = new_figure(len(methods), row_height=1.5, head=0.6)
-    shades = ListedColormap(["white", GREY, BLACK])
+    shades, drivable = ListedColormap(["white", GREY, BLACK]), unrolled_area(run.polygons["drivable"], run.road)
     for axes, name in zip(rows, methods, strict=True):
         grid = run.map_of(name)
         show_zone(axes, run)
-        limits = axes.get_xlim(), axes.get_ylim()
         if grid is not None:
-            x_0, y_0, x_1, y_1 = grid.bounds
             state = np.where(grid.free, 0, np.where(grid.p_occupied < 0.65, 1, 2))
-            axes.imshow(
-                state, cmap=shades, vmin=0, vmax=2, origin="lower", aspect="auto", extent=(x_0, x_1, y_0, y_1), zorder=1
-            )
-        add_area(axes, run.polygons["drivable"], label="drivable area", fill=False, edgecolor=GREEN, linestyle="--", zorder=4)
+            show_cells(axes, run, state, grid, cmap=shades, vmin=0, vmax=2)
+        add_area(axes, drivable, label="drivable area", fill=False, edgecolor=GREEN, linestyle="--", zorder=4)
         for suffix, colour, style in (("", BLUE, "-"), ("_to_open_lane", PURPLE, "--")):
             path = run.path_of(name + suffix)
             if path is not None:
                 label = "path to the open lane" if suffix else "path to the ego's own lane"
-                axes.plot(path["x_m"], path["y_m"], color=colour, linestyle=style, linewidth=1.4, label=label, zorder=6)
-        axes.set(xlim=limits[0], ylim=limits[1])
-        state_stretch(axes)
+                stations, offsets = run.road.to_sd(path[["x_m", "y_m"]])
+                axes.plot(stations, offsets, color=colour, linestyle=style, linewidth=1.4, label=label, zorder=6)
         axes.set_title(NAMES.get(name, plain(name)), fontsize=9, loc="left")
     labelled = {label: handle for axes in rows for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     states = (("white", "free"), (GREY, "neither"), (BLACK, "occupied"))
@@ -66,22 +62,16 @@ def draw_crowd_and_slam(run: ResultFolder, crowd: str, slam: str) -> Figure:
     learned, seen, path = run.map_of(crowd), run.map_of(slam), run.path_of(crowd)
     if learned is None or seen is None:
         return figure
+    drivable = unrolled_area(run.polygons["drivable"], run.road)
     for axes, stretch_of in zip(rows, thirds(run), strict=True):
         show_zone(axes, run, stretch_of=stretch_of)
-        limits = axes.get_xlim(), axes.get_ylim()
         for grid, mask, colour in ((learned, learned.free, "#F4B6A0"), (seen, seen.p_occupied > 0.5, BLUE)):
-            x_0, y_0, x_1, y_1 = grid.bounds
-            shown = np.ma.masked_equal(mask.astype(int), 0)
-            axes.imshow(
-                shown, cmap=ListedColormap([colour]), origin="lower", aspect="auto", extent=(x_0, x_1, y_0, y_1),
-                interpolation="nearest", zorder=3,
-            )  # fmt: skip
-        add_area(axes, run.polygons["drivable"], label="drivable area (truth)", fill=False, edgecolor=GREEN, linestyle="--",
+            show_cells(axes, run, mask.astype(int), grid, cmap=ListedColormap(["none", colour]), vmin=0, vmax=1)
+        add_area(axes, drivable, label="drivable area (truth)", fill=False, edgecolor=GREEN, linestyle="--",
                  linewidth=1.4, zorder=4)  # fmt: skip
-        axes.set(xlim=limits[0], ylim=limits[1])
-        state_stretch(axes)
         if path is not None:
-            axes.plot(path["x_m"], path["y_m"], color=BLACK, linewidth=1.2, label=f"path on {plain(crowd)}", zorder=6)
+            stations, offsets = run.road.to_sd(path[["x_m", "y_m"]])
+            axes.plot(stations, offsets, color=BLACK, linewidth=1.2, label=f"path on {plain(crowd)}", zorder=6)
     handles, _ = rows[0].get_legend_handles_labels()
     patches = [
         Patch(color="#F4B6A0", label=f"free by the crowd ({plain(crowd)})"),

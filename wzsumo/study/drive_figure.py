@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from wzsumo.frames import advance
 from wzsumo.study.result_folder import ResultFolder
+from wzsumo.study.unrolled import unrolled_area, unrolled_points
 from wzsumo.study.zone_axes import (
     BLACK,
     BLUE,
@@ -21,14 +22,16 @@ from wzsumo.study.zone_axes import (
 
 
 def draw_drive(run: ResultFolder, method: str) -> Figure:
-    """What the outline of the vehicle sweeps between devices and pavement edge, and its speed and steering over x."""
+    """What the outline of the vehicle sweeps between devices and pavement edge, and its speed and steering over the station."""
     vehicle, log = run.vehicle, run.drive_of(method)
     figure, rows = new_figure(5, row_height=1.5)
     if log is None:
         return figure
     poses = log[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
     swept = shapely.union_all(shapely.polygons(np.array([vehicle.outline(pose) for pose in poses])))
-    centre = advance(poses, vehicle.axle_to_centre_m)
+    swept = unrolled_area(swept, run.road)
+    centre = unrolled_points(advance(poses, vehicle.axle_to_centre_m)[:, :2], run.road)
+    stations, _ = run.road.to_sd(poses[:, :2])
     for axes, stretch_of in zip(rows[:3], thirds(run), strict=True):
         show_zone(axes, run, stretch_of=stretch_of)
         add_area(axes, swept, label="swept by the outline", facecolor=SKY_BLUE, edgecolor=BLUE, linewidth=0.8, alpha=0.8)
@@ -37,8 +40,8 @@ def draw_drive(run: ResultFolder, method: str) -> Figure:
         (rows[3], log["speed_mps"], "speed [m/s]", GREEN),
         (rows[4], np.rad2deg(log["steering_rad"]), "steering [°]", VERMILION),
     ):
-        axes.plot(log["x_m"], values, color=colour, linewidth=1)
-        axes.set(xlabel="x of the rear axle [m]", ylabel=label, xlim=(thirds(run)[0][0], thirds(run)[-1][1]))
+        axes.plot(stations, values, color=colour, linewidth=1)
+        axes.set(xlabel="station of the rear axle [m]", ylabel=label, xlim=(thirds(run)[0][0], thirds(run)[-1][1]))
         axes.grid(color="#E5E5E5")
     legend_above(figure, rows[0])
     return figure

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from wzsumo.study.baseline_figures import draw_baseline_paths, draw_crowd_and_slam
 from wzsumo.study.baselines import BASELINE_METHODS
 from wzsumo.study.drive_figure import draw_drive
+from wzsumo.study.layout_figure import draw_zone
 from wzsumo.study.map_figures import draw_maps, draw_truth
 from wzsumo.study.mixture_figures import draw_components, draw_criteria, draw_samples
 from wzsumo.study.result_folder import ResultFolder
 from wzsumo.study.traffic_figures import draw_space_time
-from wzsumo.study.zone_axes import SKY_BLUE, add_area, legend_above, new_figure, plain, show_zone
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
     driven = [name for name in run.methods if run.drive_of(name) is not None and name not in baselines]
     plans: list[tuple[str, Callable[[], Figure], str, str]] = [
         ("fig04_zone", partial(draw_zone, run), "Work zone (paper: Fig. 4)",
-         f"Plan view, n = {len(run.devices)} devices. Truth of all later figures: the drivable area."),
+         f"Signs, plan and a stretch to scale, n = {len(run.devices)} devices. Truth of all later figures: the drivable area."),
         ("fig05_criteria", partial(draw_criteria, run), "Number of components (paper: Fig. 5)",
          f"AIC and BIC over the number of components K of the mixture; K = {k} chosen. {run_of}"),
         ("fig06_components", partial(draw_components, run), "Components (paper: Fig. 6)",
@@ -96,27 +96,6 @@ def _baseline_plans(
              f"drivable area of the layout. {run_of}")
         )  # fmt: skip
     return plans
-
-
-def draw_zone(run: ResultFolder) -> Figure:
-    """The zone from above, with the names of its areas (paper: Figure 4)."""
-    figure, (axes,) = new_figure(1, row_height=2.3, head=1.25)
-    show_zone(axes, run)
-    add_area(axes, run.polygons["drivable"], label="drivable area", facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
-    for number, (name, start, end) in enumerate(run.areas):
-        for station in (start, end):
-            axes.axvline(station, color="#777777", linewidth=0.6, linestyle=":")
-        at_edge = {0: (start, "left"), len(run.areas) - 1: (end, "right")}
-        station, side = at_edge.get(number, ((start + end) / 2, "center"))
-        axes.annotate(
-            f"{plain(name)}, {end - start:.0f} m",
-            (station, 1.03 + 0.11 * (number % 3)),  # three heights, so that the names of short areas keep apart
-            xycoords=("data", "axes fraction"),
-            ha=side,
-            fontsize=8,
-        )
-    legend_above(figure, axes)
-    return figure
 
 
 def _file_name(method: str) -> str:

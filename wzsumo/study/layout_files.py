@@ -16,7 +16,7 @@ def write_layout(layout: WorkZoneLayout, folder: Path) -> None:
 
 
 def layout_geojson(layout: WorkZoneLayout) -> dict[str, Any]:
-    """FeatureCollection of drivable, closed_area, pavement, reference_line, devices and signs.
+    """FeatureCollection of drivable, closed_area, pavement, reference_line, lanes, devices and signs.
 
     Coordinates are world metres, not degrees. `areas` lists the named stretches with their stations [m].
     """
@@ -33,6 +33,10 @@ def layout_geojson(layout: WorkZoneLayout) -> dict[str, Any]:
         for name in ("drivable", "closed_area", "pavement")
     ]
     features.append(_feature(line, {"name": "reference_line"} | section))
+    for lane in layout.lanes:
+        strip = shapely.geometry.mapping(road.strip(lane.start, lane.end, lane.right, lane.left))
+        place = {"index": lane.index, "opposing": lane.opposing, "start_m": lane.start, "end_m": lane.end}
+        features.append(_feature(strip, {"name": "lane"} | place))
     for name, table in (("device", layout.devices), ("sign", layout.signs)):
         for row in table.to_dict("records"):
             point = {"type": "Point", "coordinates": [row.pop("x_m"), row.pop("y_m")]}

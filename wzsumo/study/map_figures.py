@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from wzsumo.study.result_folder import ResultFolder
+from wzsumo.study.unrolled import unrolled_area, unrolled_points
 from wzsumo.study.zone_axes import (
     BLACK,
     GREY,
@@ -15,8 +16,8 @@ from wzsumo.study.zone_axes import (
     add_area,
     new_figure,
     plain,
+    show_cells,
     show_zone,
-    state_stretch,
     thirds,
 )  # fmt: skip
 
@@ -24,24 +25,14 @@ from wzsumo.study.zone_axes import (
 def draw_maps(run: ResultFolder, methods: list[str]) -> Figure:
     """The map of every method (paper: Figure 8)."""
     figure, rows = new_figure(len(methods), row_height=1.6, head=0.6)
+    drivable = unrolled_area(run.polygons["drivable"], run.road)
     for axes, name in zip(rows, methods, strict=True):
         show_zone(axes, run)
         grid = run.map_of(name)
         if grid is not None:
-            x_0, y_0, x_1, y_1 = grid.bounds
-            axes.imshow(
-                grid.p_occupied,
-                cmap="Greys",
-                vmin=0,
-                vmax=1,
-                origin="lower",
-                extent=(x_0, x_1, y_0, y_1),
-                aspect="auto",
-                zorder=3,
-            )
-        add_area(axes, run.polygons["drivable"], label="drivable area", fill=False, edgecolor=SKY_BLUE, zorder=4)
+            show_cells(axes, run, grid.p_occupied, grid, cmap="Greys", vmin=0, vmax=1)
+        add_area(axes, drivable, label="drivable area", fill=False, edgecolor=SKY_BLUE, zorder=4)
         axes.set_title(plain(name), fontsize=9, loc="left")
-        axes.set_autoscale_on(False)
     patches = [
         Patch(facecolor=c, edgecolor=BLACK, label=t) for c, t in (("white", "free"), (GREY, "unknown"), (BLACK, "occupied"))
     ]
@@ -57,20 +48,15 @@ def draw_truth(run: ResultFolder, method: str) -> Figure:
     if grid is None:
         return figure
     zone, truth = run.truth_on(grid)
-    classes = np.ma.masked_equal(np.select([truth & grid.free, zone & grid.free, truth], [1, 2, 3], default=0), 0)
+    classes = np.select([truth & grid.free, zone & grid.free, truth], [1, 2, 3], default=0)
     colours = {"true positive": SKY_BLUE, "false positive": VERMILION, "false negative": YELLOW}
-    x_0, y_0, x_1, y_1 = grid.bounds
     for axes, stretch_of in zip(rows, thirds(run), strict=True):
         show_zone(axes, run, stretch_of=stretch_of)
-        limits = axes.get_xlim(), axes.get_ylim()
-        axes.imshow(
-            classes, cmap=ListedColormap(list(colours.values())), vmin=0.5, vmax=3.5, origin="lower", aspect="auto",
-            extent=(x_0, x_1, y_0, y_1), interpolation="nearest", zorder=3,
-        )  # fmt: skip
-        axes.set(xlim=limits[0], ylim=limits[1])
-        state_stretch(axes)
+        show_cells(axes, run, classes, grid, cmap=ListedColormap(["none", *colours.values()]), vmin=-0.5, vmax=3.5)
         if path is not None:
-            axes.plot(path["x_m"], path["y_m"], color=BLACK, linewidth=1.2, label="planned path", zorder=6)
+            axes.plot(
+                *unrolled_points(path[["x_m", "y_m"]], run.road).T, color=BLACK, linewidth=1.2, label="planned path", zorder=6
+            )
     handles, _ = rows[0].get_legend_handles_labels()
     patches = [Patch(color=colour, label=label) for label, colour in colours.items()]
     figure.legend(handles=[*patches, *handles], loc="upper right", ncols=7, frameon=False, fontsize=8, borderaxespad=0.3)

@@ -2,10 +2,10 @@
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
 from matplotlib.ticker import MaxNLocator
 
 from wzsumo.study.result_folder import ResultFolder
+from wzsumo.study.unrolled import unrolled_points
 from wzsumo.study.zone_axes import BLACK, BLUE, VERMILION, legend_above, new_figure, plain, show_zone
 
 CHI2_95 = 5.991464547107979  # 95 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.05
@@ -32,16 +32,16 @@ def draw_components(run: ResultFolder) -> Figure:
     figure, (axes,) = new_figure(1, row_height=2.6)
     show_zone(axes, run)
     traces = run.used_traces
-    axes.scatter(traces["x_m"], traces["y_m"], s=2, color=BLUE, alpha=0.5, linewidths=0, label="fix (vehicle centre)")
+    stations, offsets = run.road.to_sd(traces[["x_m", "y_m"]])
+    axes.scatter(stations, offsets, s=2, color=BLUE, alpha=0.5, linewidths=0, label="fix (vehicle centre)")
     _, means, covariances = run.mixture
+    turn = np.linspace(0, 2 * np.pi, 181)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
     for number, (mean, covariance) in enumerate(zip(means, covariances, strict=True)):
         variances, directions = np.linalg.eigh(covariance)
-        minor, major = 2 * np.sqrt(CHI2_95 * variances)
-        angle = np.rad2deg(np.arctan2(directions[1, 1], directions[0, 1]))
+        ellipse = mean + circle * np.sqrt(CHI2_95 * variances) @ directions.T
         label = None if number else "component, 95 %"
-        axes.add_patch(
-            Ellipse(mean, major, minor, angle=angle, fill=False, edgecolor=BLACK, linewidth=1, label=label, zorder=6)
-        )
+        axes.plot(*unrolled_points(ellipse, run.road).T, color=BLACK, linewidth=1, label=label, zorder=6)
     legend_above(figure, axes)
     return figure
 
@@ -50,7 +50,7 @@ def draw_samples(run: ResultFolder) -> Figure:
     """The points drawn from the mixture (paper: Figure 7)."""
     figure, (axes,) = new_figure(1, row_height=2.6)
     show_zone(axes, run)
-    samples = run.samples
-    axes.scatter(samples["x_m"], samples["y_m"], s=2, color=BLUE, alpha=0.5, linewidths=0, label="sample")
+    stations, offsets = run.road.to_sd(run.samples[["x_m", "y_m"]])
+    axes.scatter(stations, offsets, s=2, color=BLUE, alpha=0.5, linewidths=0, label="sample")
     legend_above(figure, axes)
     return figure

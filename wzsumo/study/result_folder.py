@@ -16,14 +16,16 @@ from shapely.geometry.base import BaseGeometry
 
 from wzsumo.errors import InputError
 from wzsumo.grid import BoolArray, OccupancyGrid, cells_inside, read_map
+from wzsumo.road import Road
 from wzsumo.vehicle import VehicleGeometry
+from wzsumo.work_zone import DEVICE_COLUMNS, SIGN_COLUMNS
 
 NEEDED_FILES = ("result.json", "layout.geojson", "traces.parquet", "mixture_sweep.csv", "mixture.json", "samples.csv")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResultFolder:
-    """The files of one run. World frame, metres; stations are x, for the road of a report is straight."""
+    """The files of one run. World frame, metres; stations are those of `road`."""
 
     folder: Path
     result: Mapping[str, Any]
@@ -51,11 +53,38 @@ class ResultFolder:
         return {name: shape(found[name]) for name in ("drivable", "closed_area", "pavement")}
 
     @cached_property
+    def road(self) -> Road:
+        """The road that the zone is on."""
+        (line,) = [f for f in self.layout["features"] if f["properties"]["name"] == "reference_line"]
+        section = line["properties"]
+        return Road(
+            reference_line=np.array(line["geometry"]["coordinates"], dtype=float),
+            lane_widths=tuple(section["lane_widths_m"]),
+            left_shoulder=section["left_shoulder_m"],
+            right_shoulder=section["right_shoulder_m"],
+            opposing_lanes=section["opposing_lanes"],
+        )
+
+    @cached_property
     def devices(self) -> pd.DataFrame:
-        """x_m, y_m and radius_m of every channelizing device."""
-        features = [f for f in self.layout["features"] if f["properties"]["name"] == "device"]
-        rows = [(*f["geometry"]["coordinates"][:2], f["properties"].get("radius_m", 0.0)) for f in features]
-        return pd.DataFrame(rows, columns=["x_m", "y_m", "radius_m"], dtype=float)
+        """Every channelizing device, in DEVICE_COLUMNS."""
+        return self._points("device", DEVICE_COLUMNS)
+
+    @cached_property
+    def signs(self) -> pd.DataFrame:
+        """Every sign, in SIGN_COLUMNS."""
+        return self._points("sign", SIGN_COLUMNS)
+
+    def lanes_at(self, station: float) -> list[tuple[float, float]]:
+        """Offsets (right, left) [m] of every lane that is open at a station."""
+        cut = shapely.LineString(self.road.to_xy(station, [-self.road.right_shoulder - 1, self.road.left_edge + 1]))
+        found = []
+        for feature in self.layout["features"]:
+            place = feature["properties"]
+            if place["name"] == "lane" and place["start_m"] <= station < place["end_m"]:
+                _, offsets = self.road.to_sd(shapely.get_coordinates(shape(feature["geometry"]).intersection(cut)))
+                found.append((float(offsets.min()), float(offsets.max())))
+        return sorted(found)
 
     @cached_property
     def used_traces(self) -> pd.DataFrame:
@@ -107,11 +136,17 @@ class ResultFolder:
 
     def truth_on(self, grid: OccupancyGrid) -> tuple[BoolArray, BoolArray]:
         """Cells (rows, cols) of `grid` that lie in the zone, and those among them that are truly drivable."""
-        start, end = self.span
-        _, low, _, high = grid.bounds
-        return cells_inside(grid, shapely.box(start, low, end, high)), cells_inside(
-            grid, shapely.intersection(self.polygons["drivable"], shapely.box(start, low, end, high))
-        )
+        road, beside = self.road, 5.0  # maps reach a little beyond the pavement
+        zone = cells_inside(grid, road.strip(*self.span, -road.right_shoulder - beside, road.left_edge + beside))
+        return zone, cells_inside(grid, self.polygons["drivable"]) & zone
+
+    def _points(self, name: str, columns: tuple[str, ...]) -> pd.DataFrame:
+        rows = [
+            f["properties"] | dict(zip(("x_m", "y_m"), f["geometry"]["coordinates"], strict=True))
+            for f in self.layout["features"]
+            if f["properties"]["name"] == name
+        ]
+        return pd.DataFrame(rows, columns=list(columns))
 
 
 def read_result_folder(folder: Path) -> ResultFolder:
@@ -120,7 +155,8 @@ def read_result_folder(folder: Path) -> ResultFolder:
     if missing:
         raise InputError(f"{folder}: {', '.join(missing)} missing; a report needs the folder that `wzsumo run` wrote")
     result, layout = (_json_object(folder / name) for name in ("result.json", "layout.geojson"))
-    if not layout.get("areas") or not layout.get("features"):
+    features = {feature["properties"]["name"] for feature in layout.get("features") or []}
+    if not layout.get("areas") or not features >= {"drivable", "closed_area", "pavement", "reference_line"}:
         raise InputError(f"{folder / 'layout.geojson'}: areas or features missing; run the scenario again")
     return ResultFolder(folder=folder, result=result, layout=layout)
 

@@ -17,9 +17,9 @@ from wzsumo.grid import FREE_THRESHOLD, blank_grid, read_map
 from wzsumo.output import staged_folder
 from wzsumo.planning.plan import PlannerSpec, plan_path
 from wzsumo.simulation.files import write_sumo_files
-from wzsumo.study.figures import draw_zone
 from wzsumo.study.foreign_traces import map_foreign_traces
 from wzsumo.study.interface import run_case
+from wzsumo.study.layout_figure import draw_zone
 from wzsumo.study.layout_files import layout_geojson, write_layout
 from wzsumo.study.mapping_methods import learn_from
 from wzsumo.study.report import write_report
