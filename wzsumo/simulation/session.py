@@ -92,6 +92,12 @@ class Session:
             widths=size[:, 1],
         )
 
+    def limit_speed(self, name: str, speed: float | None) -> None:
+        """From now on the vehicle wants to drive no faster than `speed` [m/s]; None: as fast as its type may."""
+        api = self._sumo.vehicle
+        own = self._sumo.vehicletype.getMaxSpeed(api.getTypeID(name).split("@")[0])
+        api.setMaxSpeed(name, own if speed is None else speed)
+
     def request_ego(self, vehicle: VehicleGeometry, *, edge: str, lane: int, position: float, speed: float) -> None:
         """Ask SUMO to insert the ego, front bumper at `position` [m] of a lane, as soon as a driver could."""
         api = self._sumo

@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from wzsumo.ego import Outcome
 from wzsumo.errors import OutputError
 from wzsumo.study.baselines import BASELINE_METHODS, SLAM_METHODS
+from wzsumo.study.drive_player import player_data
 from wzsumo.study.goals_table import goal_rows
 from wzsumo.study.result_folder import ResultFolder, read_result_folder
 from wzsumo.study.traffic_rows import traffic_rows
@@ -79,6 +80,7 @@ def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
     return environment.get_template("report.html.j2").render(
         facts=facts,
         best=best,
+        player=player_data(run, best),
         verdict=_verdict(run.methods.get(best or "", {})),
         comparison=_comparison(run, best),
         methods=[_method_row(name, method) for name, method in run.methods.items()],

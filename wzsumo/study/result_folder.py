@@ -134,6 +134,11 @@ class ResultFolder:
         """The ego's log of the drive on a method's path, None where nothing was driven."""
         return _table(self.folder / "drives" / f"{method}.csv")
 
+    def drive_traffic_of(self, method: str) -> pd.DataFrame | None:
+        """The trace table of the vehicles near the ego on that drive, None where nothing was driven."""
+        path = self.folder / "drives" / f"{method}_traffic.parquet"
+        return pd.read_parquet(path) if path.exists() else None
+
     def truth_on(self, grid: OccupancyGrid) -> tuple[BoolArray, BoolArray]:
         """Cells (rows, cols) of `grid` that lie in the zone, and those among them that are truly drivable."""
         road, beside = self.road, 5.0  # maps reach a little beyond the pavement
