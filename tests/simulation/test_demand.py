@@ -6,6 +6,7 @@ from builders import paper_layout
 
 from wzsumo.errors import SpecError
 from wzsumo.simulation.demand import DemandSpec, write_demand
+from wzsumo.simulation.drivers import DRIVER_PRESETS
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.simulation.network import edges_of
 from wzsumo.spec import parse_spec
@@ -101,6 +102,20 @@ def test_drivers_of_a_table_set_the_vehicle_types(tmp_path):
     types = ET.parse(demand(tmp_path, drivers=table)).getroot().findall("vType")  # noqa: S314 our own file
     values = {t.get("vClass"): [t.get(k) for k in ("tau", "accel", "sigma", "lcAssertive")] for t in types}
     assert values == {"passenger": ["1.7", "1.1", "0.3", "1.2"], "truck": ["3.1", "0.6", "0.3", "1.2"]}
+
+
+@pytest.mark.parametrize("name", DRIVER_PRESETS)
+def test_preset_is_found_by_its_name_and_read_back_from_an_effective_spec(name):
+    spec = parse_spec(DemandSpec, {"drivers": name}, source="demand")
+    assert spec.drivers == DRIVER_PRESETS[name]
+    assert parse_spec(DemandSpec, spec.model_dump(mode="json"), source="effective") == spec
+
+
+@pytest.mark.parametrize("name", [name for name in DRIVER_PRESETS if name.startswith("hcm_")])
+def test_fitted_presets_name_the_step_and_the_lateral_resolution_that_the_toolkit_runs(name):
+    fitted, runs = DRIVER_PRESETS[name], SimulationSpec()
+    assert fitted.calibrated_step_length_s == runs.step_length_s
+    assert fitted.calibrated_lateral_resolution_m == runs.lateral_resolution_m
 
 
 def test_nobody_brakes_harder_than_the_service_brake(tmp_path):

@@ -49,6 +49,10 @@ def straight_trace_file(path):
         ({"work_length_ft": "work_length_m = 200"}, ["work_zone.work_length_m", "unknown key", "work_length_ft"]),
         ({"used": "used = 31"}, ["crowd.used=31", "crowd.collected=30"]),
         ({"start_lane": "start_lane = 3"}, ["route.start_lane=3", "0..2"]),
+        (
+            {"step_length_s": "step_length_s = 0.5", "truck_share": 'drivers = "hcm_2_to_1_urban"'},
+            ["step_length_s=0.5 does not go with", "step_length_s=0.1", 'drivers = "uncalibrated"'],
+        ),
         ({"flow_vph": "flow_vph = 9000"}, ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 5291 veh/h"]),
         ({"length_ft": "length_ft = 4000"}, ["the zone ends at", "lengthen the road by 860 ft"]),
     ],

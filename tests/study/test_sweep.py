@@ -1,23 +1,15 @@
 import resource
 from collections import Counter
+from pathlib import Path
 
 import pytest
-from study_trials import FLEET, AtOnce, a_study, sweep
+from study_trials import FLEET, AtOnce, a_study, evaluate, simulate, sweep
 
 from wzsumo.errors import InputError, OutputError
 from wzsumo.study import sweep as engine
 from wzsumo.study.result_store import read_study
-from wzsumo.study.results import read_results
+from wzsumo.study.results import column_of, read_results
 from wzsumo.study.sweep import BATCH
-
-
-def simulate(scenario):
-    return FLEET
-
-
-def evaluate(fleet, cases):
-    assert fleet == FLEET
-    return [{"case": case.id, "status": "DONE", "iou": case.scenario.seed / 100, "case_cpu_s": 0.1} for case in cases]
 
 
 @pytest.fixture(autouse=True)
@@ -223,3 +215,11 @@ def test_folder_without_results_is_refused(tmp_path):
     (tmp_path / "results.parquet").write_bytes(b"PAR1")
     with pytest.raises(InputError, match=r"results\.parquet: damaged"):
         read_results(tmp_path)
+
+
+def test_every_column_is_described_in_the_documentation_with_its_unit(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text()
+    sweep(a_study(crowd__used=[1]), tmp_path)
+    for name in read_results(tmp_path).columns.drop("crowd.used"):
+        column = column_of(name)
+        assert f"| `{name}` | {column.unit if column.unit != '1' else ''} | {column.meaning} |" in page

@@ -33,13 +33,16 @@ def find_devices(votes: Votes, spec: DeviceSpec) -> FloatArray:
     label[count == 0] = 0
     if n == 0:
         return np.empty((0, 2))
-    numbers = np.arange(1, n + 1)
-    top, often = ndimage.maximum(votes.height, label, numbers), ndimage.maximum(votes.scans, label, numbers)
+    hit = count > 0
+    top, often = np.full(n + 1, -np.inf), np.zeros(n + 1)
+    np.maximum.at(top, label[hit], votes.height[hit])
+    np.maximum.at(often, label[hit], votes.scans[hit])
     boxes = ndimage.find_objects(label)
     extent = np.array([max(s.stop - s.start for s in box) * grid.resolution if box else np.inf for box in boxes])
     low, high = spec.height_m
-    kept = (top >= low) & (top <= high) & (often >= spec.scans) & (extent <= spec.extent_m)
-    rows, cols = np.array(ndimage.center_of_mass(count, label, numbers[kept])).reshape(-1, 2).T
+    kept = (top >= low) & (top <= high) & (often >= spec.scans)
+    numbers = 1 + np.flatnonzero(kept[1:] & (extent <= spec.extent_m))
+    rows, cols = np.array(ndimage.center_of_mass(count, label, numbers)).reshape(-1, 2).T
     return grid.centre_of(rows, cols)
 
 

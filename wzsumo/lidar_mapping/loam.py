@@ -51,7 +51,7 @@ class LoamSpec(Spec):
     map_deviation_m: float = Field(default=0.01, gt=0)  # how far the map as a whole may be off from one scan to the next
     map_deviation_deg: float = Field(default=0.02, gt=0)
     gate: float = Field(default=5.0, gt=0)  # standard deviations that a scan may contradict the prior by
-    max_range_m: float = Field(default=80.0, gt=0)  # of points that go into registration and maps; beyond, cones are one ray
+    max_range_m: float = Field(default=60.0, gt=0)  # of points that can stand above the ground; a cone has six rays there
 
 
 class ScanState(StrEnum):

@@ -27,7 +27,8 @@ _TELLING = frozenset(
         "study/result_store.py", "study/results.py", "study/report.py", "study/figures.py",
         "study/drive_figure.py", "study/map_figures.py", "study/mixture_figures.py", "study/zone_axes.py",
         "study/result_folder.py", "study/sweep_report.py", "study/sweep_figures.py", "study/summary.py",
-        "study/answers.py", "study/study_file.py",
+        "study/answers.py", "study/foreign_traces.py", "study/traffic_figures.py",
+        "study/traffic_rows.py", "study/study_file.py",
     }
 )  # fmt: skip
 

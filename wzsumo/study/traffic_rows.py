@@ -7,12 +7,12 @@ DASH = "-"
 # Key of result.json["traffic"], what it says, its unit, decimals.
 _ROWS = (
     ("n_vehicles", "Vehicles due to enter the road", "", 0),
-    ("n_arrived", "arrived at its end", "", 0),
-    ("n_waiting", "still waiting to enter at the end of the run", "", 0),
+    ("n_arrived", "Vehicles that arrived at its end", "", 0),
+    ("n_waiting", "Vehicles still waiting to enter at the end of the run", "", 0),
     ("throughput_vph", "Throughput past the activity area, after the warm-up", "veh/h", 0),
     ("peak_flow_vph", "Highest 15-minute flow past the activity area", "veh/h", 0),
     ("hcm_queue_discharge_vph", "Queue discharge of the zone by the HCM, 7th edition", "veh/h", 0),
-    ("queue_discharge_vph", "Queue discharge in this run, where a queue stood for 18 minutes or more", "veh/h", 0),
+    ("queue_discharge_vph", "Queue discharge in this run, once a queue has stood for 8 minutes", "veh/h", 0),
     ("max_queue_length_m", "Longest queue ahead of the last merging taper", "m", 0),
     ("mean_travel_time_s", "Mean travel time", "s", 1),
     ("mean_delay_s", "Mean delay, departure delay included", "s", 1),

@@ -1,0 +1,93 @@
+"""Kills (-9) of a sweep or of one of its workers at random moments: does the resumed table equal an undisturbed one?
+
+python analysis/benchmarks/sweep_kills.py --kills 100
+"""
+
+import argparse
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "paper.toml"
+STUDY = f"""
+name = "kills"
+scenarios = ["{SCENARIO}"]
+methods = ["swept"]
+[fixed]
+simulation.demand.duration_s = 150
+crowd.penetration = 1.0
+map.resolution_m = 0.5
+mixture.k_max = 5
+[grid]
+seed = {{ first = 41, count = 3 }}
+crowd.used = [1, 2, 3, 4, 5, 6, 7, 8]
+gnss.error_m = [0.0, 0.5, 1.0, 1.5, 2.0]
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    chance = random.Random(args.seed)  # noqa: S311 - moments of kills, no secret
+    with tempfile.TemporaryDirectory() as root:
+        study = Path(root) / "kills.toml"
+        study.write_text(STUDY)
+        began = time.monotonic()
+        finish(study, Path(root) / "calm")
+        longest = time.monotonic() - began
+        calm = (Path(root) / "calm" / "results.parquet").read_bytes()
+        kills = {"sweep": 0, "worker": 0}
+        rounds = unequal = 0
+        while sum(kills.values()) < args.kills:
+            out = Path(root) / "killed"
+            shutil.rmtree(out, ignore_errors=True)
+            while sum(kills.values()) < args.kills:
+                hit = disturb(study, out, after_s=chance.uniform(0, longest), worker=chance.random() < 0.5, chance=chance)
+                if hit is None:  # it came to its end first
+                    break
+                kills[hit] += 1
+            finish(study, out)
+            rounds += 1
+            unequal += (out / "results.parquet").read_bytes() != calm
+            print(f"{kills}, {rounds} rounds, {unequal} tables differ", flush=True)
+    sys.exit(unequal > 0)
+
+
+def start(study: Path, out: Path) -> "subprocess.Popen[bytes]":
+    command = [sys.executable, "-m", "wzsumo", "sweep", str(study), "--out", str(out), "--workers", "2"]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def finish(study: Path, out: Path) -> None:
+    if start(study, out).wait() != 0:
+        raise SystemExit("a sweep that nobody killed did not end well")
+
+
+def disturb(study: Path, out: Path, *, after_s: float, worker: bool, chance: random.Random) -> str | None:
+    """What was killed; None where the sweep had ended. A sweep whose worker was killed goes on to its end."""
+    with start(study, out) as process:
+        try:
+            process.wait(timeout=after_s)
+        except subprocess.TimeoutExpired:
+            victims = workers_of(process.pid) if worker else []
+            victim = chance.choice(victims) if victims else process.pid
+            os.kill(victim, signal.SIGKILL)
+            return "sweep" if victim == process.pid else "worker"
+    return None
+
+
+def workers_of(pid: int) -> list[int]:
+    listing = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(pid)], capture_output=True, text=True, check=False).stdout
+    return [int(line.split()[0]) for line in listing.splitlines() if "spawn_main" in line]
+
+
+if __name__ == "__main__":
+    main()
