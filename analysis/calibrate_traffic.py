@@ -1,12 +1,12 @@
 """Queue discharge of simulated work zones beside the Highway Capacity Manual's, zone class by zone class.
 
-    python analysis/calibrate_traffic.py measure 2_to_1_urban 3_to_2_urban --first 211 --seeds 10
+    python analysis/calibrate_traffic.py measure 2_to_1_urban 3_to_2_urban --first 213 --seeds 10
     python analysis/calibrate_traffic.py measure 2_to_1_urban --first 101 --seeds 4 --tau 1.6 --accel 1.2 --truck-tau 2.6
     python analysis/calibrate_traffic.py table
 
 `measure` runs what the toolkit runs (0.1 s, sublanes of 0.45 m, the toolkit's own network and drivers) and adds a
-row a run to the CSV file; without --tau and the like it measures the preset of that class. Presets were tuned on seeds 101-104
-and are tested on 211-220.
+row a run to the CSV file; without --tau and the like it measures the preset of that class. The preset was tuned on seeds
+101-104, 211 and 212 and is tested on 213-222.
 """
 
 import argparse
@@ -55,7 +55,7 @@ def main() -> None:
     measuring = commands.add_parser("measure")
     measuring.add_argument("classes", nargs="+", choices=[f"{lanes}_{area}" for lanes in LANES for area in ("urban", "rural")])
     measuring.add_argument("--trucks", type=float, nargs="+", default=list(TRUCK_SHARES))
-    measuring.add_argument("--first", type=int, default=211)
+    measuring.add_argument("--first", type=int, default=213)
     measuring.add_argument("--seeds", type=int, default=10)
     for key in ("tau", "accel", "truck-tau", "truck-accel", "sigma", "assertive"):
         measuring.add_argument(f"--{key}", type=float)

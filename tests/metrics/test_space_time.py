@@ -68,8 +68,14 @@ def grid_of_speeds(speeds):
         ([25, 5, 25, 5, 5, 25], 400),  # stop and go: 100 m of free driving in it
         ([5, 25, 25, 25, 5, 25], 100),  # 300 m of free driving: two queues
         ([25, 5, None, 5, 5, 25], 400),
+        ([5, 5, 25, 25, 25, 25], 500),  # its head 300 m ahead of the bottleneck
         ([25, 25, 25, 25, 25, 5], 0),  # slow beyond the bottleneck at 500 m
     ],
 )
 def test_queue_reaches_from_the_bottleneck_to_its_farthest_slow_stretch(speeds, length):
     assert queue_lengths(grid_of_speeds(speeds), bottleneck=500.0, slow=13.0).tolist() == [length]
+
+
+def test_slow_stretch_far_ahead_of_the_bottleneck_is_not_its_queue():
+    far = grid_of_speeds([5, 5, 25, 25, 25, 25, 25, 25, 25])
+    assert queue_lengths(far, bottleneck=900.0, slow=13.0).tolist() == [0]

@@ -71,21 +71,23 @@ def space_time_grid(
     )
 
 
-def queue_lengths(grid: SpaceTime, *, bottleneck: float, slow: float, longest_gap: float = 200.0) -> FloatArray:
-    """Length [m] of the queue ahead of station `bottleneck` [m] in every time cell; 0 where none stands.
+def queue_lengths(
+    grid: SpaceTime, *, bottleneck: float, slow: float, longest_gap: float = 200.0, farthest_head: float = 500.0
+) -> FloatArray:
+    """How far the queue reaches back from station `bottleneck` [m] in every time cell, in metres; 0 where none stands.
 
-    The queue reaches from the bottleneck to the farthest cell below the speed `slow` [m/s] to which no stretch longer than
-    `longest_gap` [m] is free or empty: stop-and-go traffic is one queue.
+    Its head is the first cell below the speed `slow` [m/s], at most `farthest_head` [m] ahead of the bottleneck: drivers who
+    merge early slow the others down there. Its tail is the farthest such cell to which no stretch longer than `longest_gap` [m]
+    is free or empty: stop-and-go traffic is one queue.
     """
     upstream = np.flatnonzero(grid.station_edges[1:] <= bottleneck + 1e-6)[::-1]
-    away = bottleneck - grid.station_edges[upstream]
+    away, cell = bottleneck - grid.station_edges[upstream], np.diff(grid.station_edges)[0]
     with np.errstate(invalid="ignore"):
         is_slow = grid.speed[:, upstream] < slow
     lengths = np.zeros(len(is_slow))
     for row, cells in enumerate(is_slow):
         reached = away[cells]
-        if reached.size:
-            gaps = np.diff(np.concatenate([[0.0], reached]))
-            joined = np.cumprod(gaps <= longest_gap + np.diff(grid.station_edges)[0]).astype(bool)
-            lengths[row] = reached[joined].max(initial=0.0)
+        if reached.size and reached[0] <= farthest_head + cell:
+            joined = np.cumprod(np.diff(reached) <= longest_gap + cell).astype(bool)
+            lengths[row] = reached[1:][joined].max(initial=reached[0])
     return lengths

@@ -38,7 +38,7 @@ MINUTE_COLUMNS = {
     "time_s": "start of the minute",
     "count": "vehicles past the middle of the activity area",
     "upstream_speed_mps": "space-mean speed 300 to 400 m ahead of the bottleneck; NaN: nobody there",
-    "queue_length_m": "longest queue ahead of the bottleneck in that minute",
+    "queue_length_m": "how far the queue reached back from the end of the last merging taper, at most in that minute",
 }
 STATION_COLUMNS = {
     "station_m": "start of a stretch of 20 m",
@@ -68,7 +68,7 @@ class TrafficSummary:
     breakdown_s: float  # when a queue began to stand
     peak_flow_vph: float  # highest 15-minute flow past the activity area, up to the breakdown if there was one
     queue_discharge_vph: float
-    max_queue_length_m: float
+    max_queue_length_m: float  # from the end of the last merging taper back to the queue's tail
     mean_queue_length_m: float  # over time, after the warm-up
     mean_travel_time_s: float
     mean_delay_s: float  # departure delay included

@@ -24,13 +24,13 @@ class DriverSpec(Spec):
 
 
 UNCALIBRATED = DriverSpec(name="uncalibrated")
-# Fitted by hand on seeds 101-104 (analysis/calibrate_traffic.py); docs/traffic_calibration.md has what they discharge on
-# seeds that the fit did not see. Trucks: tau 2.4 times a car's, from a fit at 0.5 s steps without sublanes; not measured here.
+# Fitted by hand on seeds 101-104, 211 and 212 of analysis/calibrate_traffic.py; docs/traffic_calibration.md has what they
+# discharge on others. Trucks: tau 2.4 times a car's, from a fit at 0.5 s steps without sublanes; not measured here.
 HCM_2_TO_1_URBAN = DriverSpec(
     name="hcm_2_to_1_urban",
-    tau_s=1.4,
-    accel_mps2=1.1,
-    truck_tau_s=3.4,
+    tau_s=1.48,
+    accel_mps2=1.05,
+    truck_tau_s=3.55,
     truck_accel_mps2=0.7,
     lc_assertive=1.3,
     calibrated_step_length_s=0.1,

@@ -13,7 +13,7 @@ _ROWS = (
     ("peak_flow_vph", "Highest 15-minute flow past the activity area", "veh/h", 0),
     ("hcm_queue_discharge_vph", "Queue discharge of the zone by the HCM, 7th edition", "veh/h", 0),
     ("queue_discharge_vph", "Queue discharge in this run, once a queue has stood for 8 minutes", "veh/h", 0),
-    ("max_queue_length_m", "Longest queue ahead of the last merging taper", "m", 0),
+    ("max_queue_length_m", "Farthest that a queue reached back from the last merging taper", "m", 0),
     ("mean_travel_time_s", "Mean travel time", "s", 1),
     ("mean_delay_s", "Mean delay, departure delay included", "s", 1),
     ("p95_delay_s", "95th percentile of the delay", "s", 1),
