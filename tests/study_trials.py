@@ -27,10 +27,10 @@ def evaluate(fleet, cases):
     return [{"case": case.id, "status": "DONE", "iou": case.scenario.seed / 100, "case_cpu_s": 0.1} for case in cases]
 
 
-def a_study(*, fixed=None, name="trial", methods=("swept",), combinations=(), **grid) -> Study:
+def a_study(*, fixed=None, name="trial", methods=("swept",), drive=False, combinations=(), **grid) -> Study:
     """A study of the paper's scenario; the factors are written as in `crowd__used=[1, 2]`."""
     factors = {key.replace("__", "."): values for key, values in (grid or {"seed": [21, 22]}).items()}
-    content = {"name": name, "scenarios": ["paper.toml"], "methods": list(methods), "grid": factors}
+    content = {"name": name, "scenarios": ["paper.toml"], "methods": list(methods), "drive": drive, "grid": factors}
     content |= {"fixed": fixed or {}, "combinations": list(combinations)}
     return study_of({"study": content, "scenarios": {"paper.toml": read_toml(PAPER)}}, source="trial.toml")
 

@@ -12,6 +12,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "paper.toml"
@@ -29,6 +31,8 @@ seed = {{ first = 41, count = 3 }}
 crowd.used = [1, 2, 3, 4, 5, 6, 7, 8]
 gnss.error_m = [0.0, 0.5, 1.0, 1.5, 2.0]
 """
+KILLS_A_SWEEP = 6  # on average, in the time that an undisturbed one takes
+WORKER_SHARE = 0.6
 
 
 def main() -> None:
@@ -44,20 +48,18 @@ def main() -> None:
         finish(study, Path(root) / "calm")
         longest = time.monotonic() - began
         calm = (Path(root) / "calm" / "results.parquet").read_bytes()
-        kills = {"sweep": 0, "worker": 0}
+        kills: Counter[str] = Counter()
         rounds = unequal = 0
-        while sum(kills.values()) < args.kills:
+        while kills.total() < args.kills:
             out = Path(root) / "killed"
             shutil.rmtree(out, ignore_errors=True)
-            while sum(kills.values()) < args.kills:
-                hit = disturb(study, out, after_s=chance.uniform(0, longest), worker=chance.random() < 0.5, chance=chance)
-                if hit is None:  # it came to its end first
-                    break
-                kills[hit] += 1
+            ended = False
+            while not ended and kills.total() < args.kills:
+                ended = disturb(study, out, gap_s=longest / KILLS_A_SWEEP, chance=chance, kills=kills)
             finish(study, out)
             rounds += 1
             unequal += (out / "results.parquet").read_bytes() != calm
-            print(f"{kills}, {rounds} rounds, {unequal} tables differ", flush=True)
+            print(f"{dict(kills)}, {rounds} sweeps brought to their end, {unequal} tables differ", flush=True)
     sys.exit(unequal > 0)
 
 
@@ -71,17 +73,27 @@ def finish(study: Path, out: Path) -> None:
         raise SystemExit("a sweep that nobody killed did not end well")
 
 
-def disturb(study: Path, out: Path, *, after_s: float, worker: bool, chance: random.Random) -> str | None:
-    """What was killed; None where the sweep had ended. A sweep whose worker was killed goes on to its end."""
+def disturb(study: Path, out: Path, *, gap_s: float, chance: random.Random, kills: Counter[str]) -> bool:
+    """Whether a sweep came to its end while it or a worker of it was killed time and again."""
     with start(study, out) as process:
-        try:
-            process.wait(timeout=after_s)
-        except subprocess.TimeoutExpired:
-            victims = workers_of(process.pid) if worker else []
-            victim = chance.choice(victims) if victims else process.pid
-            os.kill(victim, signal.SIGKILL)
-            return "sweep" if victim == process.pid else "worker"
-    return None
+        while True:
+            try:
+                process.wait(timeout=chance.expovariate(1 / gap_s))
+                return True
+            except subprocess.TimeoutExpired:
+                workers = workers_of(process.pid)
+                if workers and chance.random() < WORKER_SHARE:
+                    kill(chance.choice(workers))
+                    kills["worker"] += 1
+                else:
+                    kill(process.pid)
+                    kills["sweep"] += 1
+                    return False
+
+
+def kill(pid: int) -> None:
+    with suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGKILL)
 
 
 def workers_of(pid: int) -> list[int]:

@@ -24,19 +24,21 @@ def measured(row):
 
 
 def test_row_of_a_case_has_the_figures_of_the_same_case_run_alone(simulated, tmp_path):
-    study = a_study(fixed=SHORT, seed=[21], crowd__used=[3], crowd__penetration=[0.5])
+    study = a_study(drive=True, fixed=SHORT, seed=[21], crowd__used=[3], crowd__penetration=[0.5])
     (row,) = evaluate(simulated, study.cases)
     alone = run_case(study.cases[0].scenario, tmp_path, methods=["swept"], progress=quiet_progress)
     figures = alone["methods"]["swept"]
-    shared = ("precision", "recall", "iou", "n_fragments", "n_traces", "n_components", "plan_status", "n_expansions")
+    shared = ("precision", "recall", "iou", "n_fragments", "n_traces", "n_components", "plan_status", "n_expansions", "outcome")
     assert {name: row[name] for name in shared} == {name: figures[name] for name in shared}
     assert row["planned_min_clearance_devices_m"] == figures["planned"]["min_clearance_devices_m"]
+    assert row["driven_min_clearance_devices_m"] == figures["driven"]["min_clearance_devices_m"]
+    assert row["driven_mean_speed_mps"] == figures["drive"]["mean_speed_mps"]
     assert row["fleet_n_passed"] == alone["fleet"]["n_passed"]
     assert row["fleet_throughput_vph"] == alone["traffic"]["throughput_vph"]
 
 
 def test_cases_evaluated_together_and_alone_give_the_same_rows(simulated):
-    factors = {"seed": [21], "crowd.used": [2, 4], "crowd.penetration": [0.3, 0.6], "gnss.error_m": [0.0, 1.0]}
+    factors = {"seed": [21], "crowd.used": [3], "crowd.penetration": [0.3, 0.6], "gnss.error_m": [0.0, 1.0]}
     study = a_study(fixed=SHORT, methods=("swept", "paper"), **factors)
     together = evaluate(simulated, study.cases)
     alone = [row for case in study.cases for row in evaluate(simulated, [case])]

@@ -72,9 +72,8 @@ def evaluate(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any
                 row = shared.collection_of(case.scenario) | shared.evaluation_of(case) | {"status": "DONE"}
             except InputError as error:
                 row = {"status": "REFUSED", "reason": str(error)}
-        rows.append(
-            {"case": case.id, **{f"fleet_{name}": fleet[name] for name in FLEET_FIGURES}, **row, "case_cpu_s": spent[0]}
-        )
+        known = {"case": case.id} | {f"fleet_{name}": fleet[name] for name in FLEET_FIGURES}
+        rows.append(known | row | {"case_cpu_s": spent[0]})
     return rows
 
 
