@@ -1,6 +1,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from builders import paper_layout
 from pydantic import ValidationError
 
 from wzsumo.errors import InputError, TraceError
@@ -8,7 +9,7 @@ from wzsumo.road import RoadSpec
 from wzsumo.sensing.ground import GroundSpec, flat_ground, ground_of
 from wzsumo.sensing.imu import ImuSpec, MappingGnssSpec, read_motion
 from wzsumo.sensing.lidar import Drive, LidarSpec, cast_ahead, cast_scan, drive_of, drive_scans, without_motion
-from wzsumo.sensing.scene import DeviceFaults, SceneSpec, road_scene, with_vehicles
+from wzsumo.sensing.scene import DeviceFaults, SceneSpec, road_scene, scene_of, with_vehicles
 
 SMOOTH = GroundSpec(grade_pct=2.0, cross_slope_pct=2.0, road_roughness_m=0.0, verge_roughness_m=0.0)
 SMALL = LidarSpec(layers=32, azimuth_count=360)
@@ -227,3 +228,17 @@ def test_gnss_error_is_white_about_a_bias_that_stays_for_minutes():
     errors = np.array([read_motion(drive, flat_ground(), ImuSpec(rate_hz=1), spec, seed=s).gnss for s in range(60)])
     np.testing.assert_allclose(errors.std(axis=1).mean(axis=0), [0.1, 0.1, 0.2], rtol=0.1)
     np.testing.assert_allclose(errors.mean(axis=1).std(axis=0), [0.5, 0.5, 1.0], rtol=0.35)
+
+
+def test_barrier_beside_the_work_is_a_wall_without_gaps_in_the_scene():
+    layout = paper_layout(work_space_device="barrier")
+    scene = scene_of(layout, SceneSpec(), seed=1)
+    pieces = layout.devices["kind"].to_numpy() == "barrier"
+    kinds = np.array(scene.kinds)[scene.device_id - 1]
+    assert (kinds == layout.devices["kind"].to_numpy()).all()
+    walls = scene.boxes[scene.device_id[pieces] - 1 - len(scene.frusta)]
+    x, length = walls[:, 0], 2 * walls[:, 3]
+    assert x[1:] - length[1:] / 2 == pytest.approx(x[:-1] + length[:-1] / 2)
+    assert 2 * walls[:, 4] == pytest.approx(24 * 0.0254)  # 24 in wide
+    top = walls[:, 2] + walls[:, 5]
+    assert top - scene.ground.height(walls[:, :2]) == pytest.approx(32 * 0.0254)  # 32 in high

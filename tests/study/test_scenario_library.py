@@ -60,6 +60,14 @@ def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_p
     assert sum(poly.get("id").startswith("device") for poly in drawn.findall("poly")) == len(layout.devices)
 
 
+@pytest.mark.parametrize("bend", ["paper_bend_300m", "paper_bend_900m"])
+def test_zone_on_bends_left_and_right_covers_the_ground_of_the_straight_one_within_half_a_percent(bend):
+    straight, bent = (load_scenario(LIBRARY[0].parent / f"{name}.toml").layout() for name in ("paper", bend))
+    assert bent.road.length == pytest.approx(straight.road.length, rel=1e-4)
+    for name in ("drivable", "closed_area", "pavement"):
+        assert getattr(bent, name).area == pytest.approx(getattr(straight, name).area, rel=0.005), name
+
+
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory):
     """(layout, traces) of a scenario of the library by its name, driven for a short while, once."""

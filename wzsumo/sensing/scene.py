@@ -81,15 +81,24 @@ def scene_of(layout: WorkZoneLayout, spec: SceneSpec, *, seed: int) -> Scene:
 
 
 def road_scene(road: Road, devices: pd.DataFrame, spec: SceneSpec, *, seed: int) -> Scene:
-    """The scene of a road with any devices (columns kind, x_m, y_m, height_m, radius_m)."""
+    """The scene of a road with any devices (columns kind, x_m, y_m, height_m, radius_m).
+
+    Those with a length_m above 0, pieces of barrier, are boxes along heading_rad.
+    """
     ground = ground_of(road, spec.ground, seed=seed)
-    standing, kept = _device_frusta(devices, ground, spec.faults)
+    long = devices["length_m"].to_numpy() > 0 if "length_m" in devices else np.zeros(len(devices), dtype=bool)
+    standing, kept = _device_frusta(devices[~long], ground, spec.faults)
+    walls = _walls(devices[long], ground)
     poles = _poles(road, ground, spec)
     rail = _guardrail(road, ground, spec)
     device_id = np.zeros(len(devices), dtype=np.int64)
+    kept = np.flatnonzero(~long)[kept]
     device_id[kept] = np.arange(1, len(kept) + 1)
-    kinds = (*devices["kind"].astype(str).iloc[kept], *["pole"] * len(poles), *["guardrail"] * len(rail))
-    return Scene(ground=ground, frusta=np.vstack([standing, poles]), boxes=rail, kinds=kinds, device_id=device_id)
+    device_id[long] = np.arange(1, len(walls) + 1) + len(standing) + len(poles)
+    names = devices["kind"].astype(str)
+    kinds = (*names.iloc[kept], *["pole"] * len(poles), *names[long], *["guardrail"] * len(rail))
+    frusta, boxes = np.vstack([standing, poles]), np.vstack([walls, rail])
+    return Scene(ground=ground, frusta=frusta, boxes=boxes, kinds=kinds, device_id=device_id)
 
 
 def with_vehicles(scene: Scene, vehicles: pd.DataFrame) -> Scene:
@@ -128,6 +137,17 @@ def _device_frusta(devices: pd.DataFrame, ground: Ground, faults: DeviceFaults) 
     frusta = np.column_stack([xy, z, axis, height, foot, top])
     kept = np.flatnonzero(~missing)
     return frusta[kept], kept
+
+
+def _walls(pieces: pd.DataFrame, ground: Ground) -> FloatArray:
+    """Boxes of pieces of barrier, upright and as wide as at their foot."""
+    if pieces.empty:
+        return np.empty((0, BOX_COLUMNS))
+    columns = ["x_m", "y_m", "heading_rad", "length_m", "radius_m", "height_m"]
+    x, y, heading, length, half_width, height = pieces[columns].to_numpy(dtype=float).T
+    half_height = (height + BURIED_M) / 2
+    z = ground.height(np.column_stack([x, y])) + height - half_height
+    return np.column_stack([x, y, z, length / 2, half_width, half_height, np.cos(heading), np.sin(heading)])
 
 
 def _poles(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:

@@ -18,6 +18,7 @@ from wzsumo.ego import EgoState
 from wzsumo.errors import SumoMissingError
 from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle, sumo_angle_from_heading
 from wzsumo.simulation.installation import REMEDY
+from wzsumo.simulation.turns import OWN_LINK, SIGNAL_ID
 from wzsumo.vehicle import VehicleGeometry
 
 EGO_ID = "ego"
@@ -97,6 +98,11 @@ class Session:
         api = self._sumo.vehicle
         own = self._sumo.vehicletype.getMaxSpeed(api.getTypeID(name).split("@")[0])
         api.setMaxSpeed(name, own if speed is None else speed)
+
+    def may_enter_shared_lane(self) -> bool:
+        """Whether it is the turn of those who drive along the stations, or no lane is shared."""
+        lights = self._sumo.trafficlight
+        return SIGNAL_ID not in lights.getIDList() or lights.getRedYellowGreenState(SIGNAL_ID)[OWN_LINK] in "gG"
 
     def request_ego(self, vehicle: VehicleGeometry, *, edge: str, lane: int, position: float, speed: float) -> None:
         """Ask SUMO to insert the ego, front bumper at `position` [m] of a lane, as soon as a driver could."""

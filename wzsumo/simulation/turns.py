@@ -6,16 +6,18 @@ from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
 
 SIGNAL_ID = "taking_turns"
+OWN_LINK = 0  # of the signal, for those who drive along the stations
 GREEN_S = 30.0  # fixed-time signal; an assumption, of the order of what one-lane sections of a few hundred metres are given
 FLAGGER_GREEN_S = (10.0, 60.0)  # a flagger holds the way open while vehicles keep coming, within these; an assumption
 YELLOW_S = 4.0  # MUTCD 11th ed., Section 4F.17: 3 to 6 s
 START_UP_MPS2 = 1.0  # of the slowest vehicle, the loaded truck of `demand`
+CLEARING_SPEED_MPS = 10.0  # at which red intervals are timed: slow drivers beside workers, and the ego of the paper
 
 
 def turns_program(layout: WorkZoneLayout, links: list[ET.Element]) -> ET.Element:
     """The signal's program in SUMO's XML: the first link has green, then nobody until the way is clear, then the second.
 
-    `links` are the connections onto the shared lane.
+    `links` are the connections onto the shared lane, that of the own direction first.
     """
     turns = layout.taking_turns
     if turns is None:
@@ -23,7 +25,8 @@ def turns_program(layout: WorkZoneLayout, links: list[ET.Element]) -> ET.Element
     root = ET.Element("tlLogics")
     kind = "static" if turns.control == "signal" else "actuated"
     program = ET.SubElement(root, "tlLogic", id=SIGNAL_ID, programID=turns.control, offset="0", type=kind)
-    clearance = clearance_s(turns.end - turns.start, speed=mps_from_mph(layout.work_zone.posted_speed_mph))
+    speed = min(CLEARING_SPEED_MPS, mps_from_mph(layout.work_zone.posted_speed_mph))
+    clearance = clearance_s(turns.end - turns.start, speed=speed)
     for number in range(len(links)):
         for light, seconds in (("G", GREEN_S), ("y", YELLOW_S), ("r", clearance)):
             state = "".join(light if link == number else "r" for link in range(len(links)))

@@ -15,6 +15,7 @@ from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.session import Session, Traffic, running, traffic_trace
 from wzsumo.study.giving_way import Way, route_along, whom_to_mind
 from wzsumo.study.lane_intrusion import intrusions
+from wzsumo.study.stop_line import stop_line_ahead
 from wzsumo.study.surroundings import Surroundings
 from wzsumo.tables import EGO_LOG_COLUMNS
 from wzsumo.vehicle import VehicleGeometry
@@ -59,7 +60,10 @@ def drive_path(
                 route=route, station=controller.station_m, state=state, vehicle=drive.vehicle,
                 desired_speed=control.target_speed_mps, acceleration=control.idm.acceleration_mps2,
             )  # fmt: skip
-            command = controller.command(state, dt=STEP_S, leader=whom_to_mind(way, traffic, layout=layout))
+            stop = stop_line_ahead(state, vehicle=drive.vehicle, layout=layout, may_enter=session.may_enter_shared_lane())
+            minded = [leader for leader in (whom_to_mind(way, traffic, layout=layout), stop) if leader]
+            leader = min(minded, key=lambda leader: leader.gap_m, default=None)
+            command = controller.command(state, dt=STEP_S, leader=leader)
             rows.append(_log_row(session.time, state, command, controller))
             if on_clock(session.time):
                 seen.append((session.time, traffic.near(state.x, state.y, reach_m=TRAFFIC_LOG_M)))
