@@ -6,7 +6,10 @@ from wzsumo.study.case import quiet_progress, run_case
 from wzsumo.study.results import MEASURED_COLUMNS
 from wzsumo.study.sweep_tasks import evaluate, read_simulated, simulate
 
-SHORT = {"simulation.demand.duration_s": 200.0, "simulation.demand.flow_vph": 1200.0, "map.resolution_m": 0.25}
+SHORT = {
+    "simulation.demand.duration_s": 200.0, "simulation.demand.flow_vph": 1200.0, "work_zone.work_length_ft": 200.0,
+    "map.resolution_m": 0.25, "mixture.k_max": 10, "control.target_speed_mps": 20.0,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
