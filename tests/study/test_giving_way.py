@@ -97,6 +97,13 @@ def test_empty_road_leaves_nobody_to_mind():
     assert whom_to_mind(way(slope=0.1), nobody, layout=LAYOUT) is None
 
 
+@pytest.mark.parametrize(("ahead_m", "waits"), [(60, True), (160, False)])
+def test_ego_waits_for_oncoming_traffic_where_it_comes_over(ahead_m, waits):
+    # It comes over after 1.5 s; closing at 25 m/s the other must be 2 + 25 + 625 / 8 + 4.7 = 110 m ahead then, 37 m more now.
+    oncoming = one_vehicle(ahead_m, MIDDLE, speed=15, heading=np.pi)
+    assert (waiting_place(way(slope=0.1), oncoming) is not None) == waits
+
+
 @given(ahead=st.floats(-150, 20), y=st.floats(-2, 11), speed=st.floats(0, 40), ego_speed=st.floats(0, 30))
 def test_ego_that_keeps_straight_on_waits_for_nobody(ahead, y, speed, ego_speed):
     assert waiting_place(way(speed=ego_speed), one_vehicle(ahead, y, speed=speed)) is None

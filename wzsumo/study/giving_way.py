@@ -103,14 +103,20 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Lead
     side_gap = np.abs(own[:, 1] - _tracks(station, across, own[:, 0], layout=layout)) - half_width[:, None]
     moved_into = (side_gap < SIDE_MARGIN_M) & (side_gap < side_gap[:, :1] - LEAST_MOVE_M) & (side_gap[:, :1] > 0)
     entry = np.argmax(moved_into, axis=1)
-    ahead = station + traffic.speeds * times[entry] - own[entry, 0]  # of the other before the ego, centre to centre
-    closing = np.maximum(traffic.speeds - own_speeds[entry], 0.0)
-    needed = END_MARGIN_M + closing * REACTION_TIME_S + closing**2 / (2 * SAFE_DECELERATION_MPS2)
-    clear = (ahead - half_length > END_MARGIN_M) | (-ahead - half_length > needed)
+    theirs = traffic.speeds * np.cos(traffic.poses[:, 2] - layout.road.heading_at(station))  # along the road; below 0: oncoming
+    ahead = station + theirs * times[entry] - own[entry, 0]  # of the other before the ego, centre to centre
+    closing_behind = np.maximum(theirs - own_speeds[entry], 0.0)
+    closing_ahead = np.where(theirs < 0, own_speeds[entry] - theirs, 0.0)
+    clear = (ahead - half_length > _room(closing_ahead)) | (-ahead - half_length > _room(closing_behind))
     hindered = moved_into.any(axis=1) & ~clear
     if not hindered.any():
         return None
     return Leader(gap_m=float(path_stations[entry[hindered].min()] - way.station), speed_mps=0.0)
+
+
+def _room(closing: FloatArray) -> FloatArray:
+    """Room [m] that a driver needs who closes in at these speeds [m/s]: to react, and to brake to the ego's speed."""
+    return END_MARGIN_M + closing * REACTION_TIME_S + closing**2 / (2 * SAFE_DECELERATION_MPS2)
 
 
 def _tracks(station: FloatArray, across: FloatArray, at: FloatArray, *, layout: WorkZoneLayout) -> FloatArray:

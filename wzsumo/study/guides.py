@@ -23,7 +23,7 @@ def nominal_guide(site: Site) -> FloatArray:
     lines = []
     for start, end in ((0.0, layout.start), (layout.end, road.length)):
         stations = np.linspace(start, end, max(2, int(np.ceil((end - start) / LINE_STEP_M)) + 1))
-        for lane in range(len(road.lane_widths)):
+        for lane in range(road.own_lanes):
             points = road.to_xy(stations, np.full_like(stations, road.lane_centre(lane)))
             lines += [np.stack(pair) for pair in pairwise(points)]
     return np.stack(lines)
