@@ -2,17 +2,19 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from builders import paper_layout
+from builders import paper_layout, paper_road, paper_work_zone
 
 from wzsumo.errors import SpecError
+from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec, write_demand
 from wzsumo.simulation.drivers import DRIVER_PRESETS
 from wzsumo.simulation.files import SimulationSpec
-from wzsumo.simulation.network import edges_of
+from wzsumo.simulation.network import edges_of, opposing_edges_of
 from wzsumo.spec import parse_spec
 
 SPEED = 26.8224  # m/s, 60 mph
 EDGES = edges_of(paper_layout())
+ROAD_BOTH_WAYS = paper_road(opposing_lane_count=2)
 
 
 def demand(folder, *, seed=1, **changes):
@@ -152,3 +154,16 @@ def test_drivers_refuse_a_step_or_a_lateral_model_that_they_were_not_calibrated_
 def test_demand_that_cannot_be_is_refused(changes, rule):
     with pytest.raises(SpecError, match=rule):
         parse_spec(DemandSpec, changes, source="demand")
+
+
+def test_opposing_vehicles_depart_on_their_own_route_and_leave_the_others_as_they_are(tmp_path):
+    back = opposing_edges_of(lay_out(paper_work_zone(closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None), ROAD_BOTH_WAYS))
+    assert back
+    alone = [v.attrib for v in vehicles(demand(tmp_path))]
+    spec = DemandSpec(opposing_flow_vph=600)
+    both = vehicles(write_demand(EDGES, tmp_path, spec=spec, speed=SPEED, seed=1, opposing=back))
+    assert [v.attrib for v in both if v.get("route") == "through"] == alone
+    opposing = [v for v in both if v.get("route") == "opposing"]
+    assert abs(len(opposing) - 200) <= 5 * np.sqrt(200)  # 600 veh/h for 1200 s
+    departs = [float(v.get("depart")) for v in both]
+    assert departs == sorted(departs)
