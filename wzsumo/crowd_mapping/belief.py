@@ -13,7 +13,8 @@ from wzsumo.grid import UNKNOWN, OccupancyGrid
 from wzsumo.road import Road
 
 SIDE_SD_M = 0.06  # of an edge, whatever the number of traces: drivers as a whole do not keep to the exact middle
-SEEN_BAND_M = 1.8  # half a lane: beyond it from the driven lanes nothing was observed
+SEEN_BAND_M = 1.2  # half a vehicle and its sway: beyond it from the driven lanes nothing was observed
+MORE_LANES_ODDS = 0.5  # prior odds of a further open lane on either side
 CORRIDOR_M = 40.0  # beside the axis; farther cells are unknown without a closer look
 TILE_M = 16.0  # side of the squares of cells that are looked at together
 
@@ -35,7 +36,18 @@ def belief(model: LaneStructure, grid: OccupancyGrid, *, progress: Callable[[int
 
 
 def occupied(model: LaneStructure, s: FloatArray, d: FloatArray) -> FloatArray:
-    """p(occupied) (n,) at stations and offsets (n,) [m] of the model's axis."""
+    """p(occupied) (n,) at stations and offsets (n,) [m] of the model's axis, over all lanes that its traces leave possible."""
+    total, known = np.zeros(len(s)), np.zeros(len(s))
+    for one in (model, *model.alternatives):
+        p = _occupied_by(one, s, d)
+        total += np.where(p == UNKNOWN, 0.0, one.chance * p)
+        known += np.where(p == UNKNOWN, 0.0, one.chance)
+    # What less than half of the belief says anything about is unknown.
+    return np.where(known > 0.5, total / np.maximum(known, 1e-9), UNKNOWN)
+
+
+def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> FloatArray:
+    """p(occupied) if the open lanes are those of one model."""
     levels = model.levels
     course = np.interp(s, model.table.stations, model.path.course)
     seen = (model.weights[:, None] * np.isfinite(model.table.offsets)).sum(axis=0)
@@ -47,6 +59,10 @@ def occupied(model: LaneStructure, s: FloatArray, d: FloatArray) -> FloatArray:
     above_right, below_left = ndtr((d - right) / right_sd), ndtr((left - d) / left_sd)
     more_left, known_left = _beyond(model, s, (d - left) / levels.outer_width, side=1, sd=left_sd / levels.outer_width)
     more_right, known_right = _beyond(model, s, (right - d) / levels.outer_width, side=-1, sd=right_sd / levels.outer_width)
+    # Another lane may be open that none of the n traces happened to drive in: they did so with chance (k / (k + 1))^n.
+    missed = (levels.n_lanes / (levels.n_lanes + 1)) ** model.weights.sum()
+    missed *= MORE_LANES_ODDS / (1 + MORE_LANES_ODDS * missed)
+    more_left, more_right = np.maximum(more_left, missed), np.maximum(more_right, missed)
     free = (above_right + (1 - above_right) * more_right) * (below_left + (1 - below_left) * more_left)
     seen_at = (d > right - SEEN_BAND_M - known_right * levels.outer_width) & (
         d < left + SEEN_BAND_M + known_left * levels.outer_width

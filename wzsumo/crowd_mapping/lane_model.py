@@ -26,7 +26,9 @@ from wzsumo.units import mps_from_mph
 DOWNSTREAM_TAPER_M = 30.48  # per lane; MUTCD 11th ed., Table 6B-3: 50 to 100 ft
 DEFAULT_SPEED_MPS = 26.8  # 60 mph, where neither the posted speed nor the traces' own says more
 SPEED_SPELL_S = 3.0
-LEAST_SUPPORT = 0.06  # share of the traces that must have left a lane: at 2 m error up to 5 % seem to by mistake
+LEAST_USERS = 0.6  # traces in a lane that is said to end
+LEAST_RETURNING = 0.08  # share of the traces in a lane that is said to open again: at 2 m error up to 5 % seem to by mistake
+SLACK_STATIONS = 3  # of a trace in a closed lane: where it closes is known to about so many
 KINK_SLACK_M = 30.0  # of a kink beside the last lane change: three stations
 FADED = 0.01  # weight below which an old trace is dropped
 
@@ -55,14 +57,13 @@ class LaneStructure:
     shifts: tuple[Shift, ...]
     closing: dict[int, TaperLine]  # by lane as counted in `levels`: where it ends
     opening: dict[int, TaperLine]  # where it begins again, stations counted against the direction of travel
+    chance: float  # that the lanes are these
+    alternatives: tuple["LaneStructure", ...]  # other lanes that the same traces may have driven in, less likely
 
     @property
     def closed_side(self) -> str | None:
         """The side that is closed, "left" or "right", as the traffic shows it; None where nobody came from a closed lane."""
-        lanes = set(self.closing) | set(self.opening)
-        left = sum(lane >= self.levels.n_lanes for lane in lanes)
-        right = sum(lane < 0 for lane in lanes)
-        return None if left == right else ("left" if left > right else "right")
+        return None if not self.levels.closed else ("left" if self.levels.closed[0] > 0 else "right")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,9 +103,17 @@ def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneSt
     width = model.levels.outer_width
     lanes = np.vstack([model.path.lanes[alive], _lanes_on(model.path, new.offsets, width=width)])
     path = extend(model.path, table.offsets, lanes, width=width, weights=weights)
+    return _updated(model, table, weights, path)
+
+
+def _updated(model: LaneStructure, table: StationTable, weights: FloatArray, path: CommonPath) -> LaneStructure:
     levels = refresh(model.levels, path, weights=weights)
     closing, opening = _tapers(model.spec, table, weights, levels, shifts=model.shifts, speed_mps=model.speed_mps)
-    return replace(model, table=table, weights=weights, path=path, levels=levels, closing=closing, opening=opening)
+    alternatives = tuple(_updated(other, table, weights, path) for other in model.alternatives)
+    return replace(
+        model, table=table, weights=weights, path=path, levels=levels, closing=closing, opening=opening,
+        alternatives=alternatives,
+    )  # fmt: skip
 
 
 def refit(model: LaneStructure) -> LaneStructure:
@@ -132,15 +141,18 @@ def fit_of(model: LaneStructure, trace: pd.DataFrame) -> TraceFit:
 def _model(
     spec: LaneStructureSpec, axis: Road, table: StationTable, weights: FloatArray, path: CommonPath, *, speed_mps: float
 ) -> LaneStructure:
-    levels = fit_lane_levels(
-        path, table.offsets, width=(spec.lane_width_m, spec.lane_width_sd_m), weights=weights, n_lanes=spec.open_lanes
-    )
     shifts = tuple(find_shifts(table.stations, path.course))
-    closing, opening = _tapers(spec, table, weights, levels, shifts=shifts, speed_mps=speed_mps)
-    return LaneStructure(
-        spec=spec, axis=axis, table=table, weights=weights, speed_mps=speed_mps, path=path, levels=levels, shifts=shifts,
-        closing=closing, opening=opening,
-    )  # fmt: skip
+    models = []
+    for chance, levels in fit_lane_levels(
+        path, width=(spec.lane_width_m, spec.lane_width_sd_m), weights=weights, n_lanes=spec.open_lanes
+    ):
+        closing, opening = _tapers(spec, table, weights, levels, shifts=shifts, speed_mps=speed_mps)
+        model = LaneStructure(
+            spec=spec, axis=axis, table=table, weights=weights, speed_mps=speed_mps, path=path, levels=levels, shifts=shifts,
+            closing=closing, opening=opening, chance=chance, alternatives=(),
+        )  # fmt: skip
+        models.append(model)
+    return replace(models[0], alternatives=tuple(models[1:]))
 
 
 def _tapers(
@@ -157,10 +169,14 @@ def _tapers(
     length = merging_taper_m(speed_mps, width_m=levels.outer_width)
     half_vehicle = spec.vehicle_width_m / 2 / levels.outer_width
     core = stations[levels.core]
+    whole = np.rint(levels.lanes).astype(int)
+    # One who seems to drive where the lanes are closed was mistaken: such a trace says nothing of where they end.
+    beyond = (whole >= levels.n_lanes) | (whole < 0)
+    trusted = beyond[:, levels.closes : levels.opens].sum(axis=1) <= SLACK_STATIONS
     before, after = stations <= core, stations >= core
     closing: dict[int, TaperLine] = {}
     opening: dict[int, TaperLine] = {}
-    for lane in _closed_lanes(levels, weights):
+    for lane in levels.closed:
         side = 1 if lane > 0 else -1
         adjacent = lane in {-1, levels.n_lanes}
         # Share of this lane's width that a vehicle's centre still has to go to the middle of the next lane inwards.
@@ -169,9 +185,10 @@ def _tapers(
             (share[:, before], stations[before], 1, closing, length),
             (share[:, after], -stations[after], -1, opening, DOWNSTREAM_TAPER_M),
         ):
-            using = shares.max(axis=1, initial=-1.0) > 0.5
+            using = trusted & (shares.max(axis=1, initial=-1.0) > 0.5)
             users = shares[using]
-            if not len(users) or weights[using].sum() < LEAST_SUPPORT * weights.sum():
+            least = LEAST_USERS * min(1.0, weights.sum()) if found is closing else LEAST_RETURNING * weights.sum()
+            if weights[using].sum() <= least:
                 continue
             # Shifts away from the closed side follow the last merge; shifts back come before the first return.
             last = float(at[(users > 0.05).any(axis=0)].max())
@@ -185,15 +202,6 @@ def _tapers(
                 at, users, length=taper, half_vehicle=half_vehicle, kink=max(kinks)[1] if kinks else None
             )
     return closing, opening
-
-
-def _closed_lanes(levels: LaneLevels, weights: FloatArray) -> list[int]:
-    """Lanes that are driven but not at the core, on the side where most are; a few mistaken traces make no lane."""
-    whole = np.rint(levels.lanes).astype(int)
-    used = {int(lane): float(weights @ (whole == lane).any(axis=1)) for lane in np.unique(whole)}
-    enough = LEAST_SUPPORT * weights.sum()
-    sides = ([k for k in used if k >= levels.n_lanes and used[k] >= enough], [k for k in used if k < 0 and used[k] >= enough])
-    return sorted(max(sides, key=lambda lanes: sum(used[k] for k in lanes)))
 
 
 def _lanes_on(path: CommonPath, offsets: FloatArray, *, width: float) -> FloatArray:

@@ -1,0 +1,216 @@
+"""Which lanes are open and which are closed: hypotheses of a closure, weighed by levels, lane changes and where they happened.
+
+A hypothesis says that `n_open` lanes go through and `n_closed` lanes beside them, on the left, are closed from one station
+to another, both unknown. A trace's lanes relative to its first are known, its first lane and its level's error are not.
+Closures on the right are the same in the mirror.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from wzsumo.frames import FloatArray
+
+IntArray = npt.NDArray[np.int64]
+# A lane too many is a danger, one too few is room left over: each further lane has to be 90 times as likely as not. At 2 m of
+# error three wide lanes and four narrow ones fit 100 levels alike; at 0.5 m they do not.
+LOG_FURTHER_LANE = -4.5
+MOST_OPEN, LOG_CLOSED = 4, np.log([0.3, 0.5, 0.2])  # prior of 0 to 2 closed lanes on one side: it is a work zone
+# Changes of lane: at discretion about one in 2 km; out of a closing lane one for certain, some 150 m ahead of its end.
+DISCRETION_M, MERGE_AHEAD_M = 2000.0, 150.0
+STATION_COST, MOST_COST = 1.0, 4.0  # -log chance of a station beside the lanes, and of a trace that does not belong
+CORE_M, CORE_SPREAD = 500.0, 0.6  # median length of the closed stretch and the standard deviation of its logarithm
+PLACES = 18  # tried for either end of the closure
+FIRST_SPREAD_M = 0.5
+LESS_SD, MOST_DOUBT, MORE_SCALE = 0.2, 6.0, 0.3  # of the logarithm of the spread between traces against the usual one
+LEAST_SPREAD_M = 0.08
+SHARE_COUNTS = (3.0, 0.5)  # prior counts of vehicles in each open and each closing lane: open lanes are used about alike
+LEAST_USERS = 0.6  # traces in the outermost lanes: a lane that nobody drove in is none
+MOST_TRACES = 100  # by which hypotheses are weighed
+HOPELESS = 12.0  # behind the best start in log evidence
+STARTS, ITERATIONS, SETTLED = 3, 25, 1e-2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """What the traces say: levels (n,) [m] of their first lanes, lanes (n, stations) from the first, weights (n,)."""
+
+    levels: FloatArray
+    lanes: IntArray
+    weights: FloatArray
+    spacing: float  # of the stations [m]
+    width: tuple[float, float]  # of the lanes, prior mean and sd [m]
+    usual_spread: float  # between traces [m], as far as their drift tells it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneHypothesis:
+    """A fitted hypothesis: lane k's centre at right + k width above the course; lanes n_open .. are closed on the left.
+
+    `first` (n, lanes) are the chances of each trace's first lane; `closes` and `opens` are indices of stations, the second
+    one beyond the last where the closed lanes do not open again.
+    """
+
+    n_open: int
+    n_closed: int
+    right: float
+    right_sd: float
+    width: float
+    width_sd: float
+    spread: float
+    closes: int
+    opens: int
+    first: FloatArray
+    log_evidence: float
+
+
+def likely_hypotheses(evidence: Evidence, *, n_open: int | None, least_closed: int) -> list[LaneHypothesis]:
+    """Hypotheses, the likeliest first, that differ in their lanes or by half a lane in level; `n_open` where that is known."""
+    few = _thinned(evidence)
+    counts = range(1, MOST_OPEN + 1) if n_open is None else [n_open]
+    tries = []
+    for k in counts:
+        for m in range(least_closed, len(LOG_CLOSED)):
+            costs = _Costs(few, k, m)
+            quick = [_em(few, costs, right=right, iterations=2) for right in _starts(few, k + m)]
+            tries += [(fit, costs) for fit in sorted(quick, key=_by_evidence)[:STARTS]]
+    enough = max(fit.log_evidence for fit, _ in tries) - HOPELESS
+    fits = [_em(few, costs, right=fit.right, iterations=ITERATIONS) for fit, costs in tries if fit.log_evidence > enough]
+    kept: list[LaneHypothesis] = []
+    for fit in sorted(fits, key=_by_evidence):
+        if not any(_same(fit, other) for other in kept):
+            kept.append(fit)
+    return kept
+
+
+def _same(fit: LaneHypothesis, other: LaneHypothesis) -> bool:
+    lanes = (fit.n_open, fit.n_closed) == (other.n_open, other.n_closed)
+    return lanes and abs(fit.right - other.right) < fit.width / 2
+
+
+def fit_again(hypothesis: LaneHypothesis, evidence: Evidence) -> LaneHypothesis:
+    """The hypothesis, with the closure where it was, fitted to other evidence; its own evidence stays."""
+    costs = _Costs(evidence, hypothesis.n_open, hypothesis.n_closed, pair=(hypothesis.closes, hypothesis.opens))
+    fit = _em(evidence, costs, right=hypothesis.right, iterations=ITERATIONS)
+    return replace(fit, log_evidence=hypothesis.log_evidence)
+
+
+def _by_evidence(fit: LaneHypothesis) -> float:
+    return -fit.log_evidence
+
+
+def _starts(evidence: Evidence, n_lanes: int) -> FloatArray:
+    """Levels [m] of the rightmost lane from which a fit may start."""
+    quantiles = np.quantile(evidence.levels, [0.1, 0.5, 0.9])
+    return np.unique(np.round([q - evidence.width[0] * lane for q in quantiles for lane in range(n_lanes)], 1))
+
+
+def _thinned(evidence: Evidence) -> Evidence:
+    n = len(evidence.levels)
+    if n <= MOST_TRACES:
+        return evidence
+    some = np.unique(np.linspace(0, n - 1, MOST_TRACES).astype(int))
+    return replace(evidence, levels=evidence.levels[some], lanes=evidence.lanes[some], weights=evidence.weights[some])
+
+
+class _Costs:
+    """-log chances of each trace's lanes, for each first lane and each pair of places where the closure begins and ends."""
+
+    def __init__(self, evidence: Evidence, n_open: int, n_closed: int, *, pair: tuple[int, int] | None = None) -> None:
+        n_stations = evidence.lanes.shape[1]
+        self.n_open, self.n_closed = n_open, n_closed
+        lanes = evidence.lanes[:, None, :] + np.arange(n_open + n_closed)[:, None]  # (n, first lane, stations)
+        self.lanes = lanes
+        beside = ((lanes < 0) | (lanes >= n_open + n_closed)).sum(axis=2)
+        beyond = lanes >= n_open
+        self.pairs = np.array([pair or (0, 0)])
+        self.log_prior = np.zeros(1)
+        if n_closed and pair is None:
+            places = np.unique(np.linspace(1, n_stations, PLACES).astype(int))
+            closes, opens = (side.ravel() for side in np.meshgrid(places[:-1], places, indexing="ij"))
+            longer = opens > closes
+            self.pairs = np.column_stack([closes, opens])[longer]
+            length = (self.pairs[:, 1] - self.pairs[:, 0]) * evidence.spacing
+            prior = np.exp(-0.5 * (np.log(length / CORE_M) / CORE_SPREAD) ** 2)
+            self.log_prior = np.log(prior / prior.sum())
+        driven = np.concatenate([np.zeros((*beyond.shape[:2], 1)), np.cumsum(beyond, axis=2)], axis=2)
+        inside = driven[:, :, self.pairs[:, 1]] - driven[:, :, self.pairs[:, 0]]
+        cost = np.minimum(STATION_COST * (inside + beside[:, :, None]), MOST_COST)
+        if n_closed:
+            # The last change out of a closed lane ahead of its end was no change at discretion.
+            index = np.arange(n_stations)
+            last = np.maximum.accumulate(np.where(beyond, index, -10_000), axis=2)[:, :, self.pairs[:, 0] - 1]
+            ahead = (self.pairs[:, 0] - last) * evidence.spacing
+            gain = np.log(DISCRETION_M / MERGE_AHEAD_M) - ahead / MERGE_AHEAD_M
+            cost -= np.maximum(gain, 0.0)
+        self.cost = cost  # (n, first lane, pairs)
+
+
+def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> LaneHypothesis:
+    levels, weights, prior = evidence.levels, evidence.weights, evidence.width
+    n_lanes, n = costs.n_open + costs.n_closed, float(weights.sum())
+    lane = np.arange(n_lanes)
+    counts = np.where(lane < costs.n_open, *SHARE_COUNTS)
+    width, spread, shares = prior[0], FIRST_SPREAD_M, np.full(n_lanes, 1 / n_lanes)
+    posterior = -np.inf
+    for _ in range(iterations):
+        miss = levels[:, None] - right - width * lane
+        log_joint = np.log(shares) - 0.5 * (miss / spread) ** 2 - np.log(spread)
+        log_each = log_joint[:, :, None] - costs.cost
+        top = log_each.max(axis=1)
+        of_trace = top + np.log(np.exp(log_each - top[:, None]).sum(axis=1))  # (n, pairs)
+        of_pair = costs.log_prior + weights @ of_trace
+        best = of_pair.max()
+        pair_chance = np.exp(of_pair - best)
+        before, posterior = posterior, float(best + np.log(pair_chance.sum()) + counts @ np.log(shares * n_lanes))
+        posterior += float(_log_prior(np.array(spread), evidence.usual_spread)) - 0.5 * ((width - prior[0]) / prior[1]) ** 2
+        pair_chance /= pair_chance.sum()
+        first = np.exp(log_each - of_trace[:, None]) @ pair_chance  # (n, lanes)
+        r = first * weights[:, None]
+        shares = (r.sum(axis=0) + counts) / (n + counts.sum())
+        normal = np.array([[r.sum(), (r @ lane).sum()], [(r @ lane).sum(), (r @ lane**2).sum()]]) / spread**2
+        normal[1, 1] += 1 / prior[1] ** 2
+        side = np.array([(r * levels[:, None]).sum(), (r * levels[:, None] * lane).sum()]) / spread**2
+        side[1] += prior[0] / prior[1] ** 2
+        right, width = np.linalg.solve(normal, side)
+        square = float((r * (levels[:, None] - right - width * lane) ** 2).sum())
+        spread = _spread_of(square, max(n - 1, 0.5), usual=evidence.usual_spread)
+        if posterior - before < SETTLED:
+            break
+    covariance = np.linalg.inv(normal)
+    closes, opens = costs.pairs[int(np.argmax(pair_chance))]
+    # Free parameters by Schwarz' criterion; the width's prior and the closure's places are integrated already.
+    penalty = 0.5 * n_lanes * np.log(max(n, 2.0))
+    users = (first[:, :, None] * weights[:, None, None] * _ever(costs.lanes, n_lanes)).sum(axis=(0, 1))
+    unused = users.min() < LEAST_USERS * min(1.0, n)
+    return LaneHypothesis(
+        n_open=costs.n_open, n_closed=costs.n_closed, right=float(right), right_sd=float(np.sqrt(covariance[0, 0])),
+        width=float(width), width_sd=float(np.sqrt(covariance[1, 1])), spread=spread, closes=int(closes), opens=int(opens),
+        first=first,
+        log_evidence=-np.inf if unused and iterations > 2 else float(
+            posterior - penalty + LOG_FURTHER_LANE * (n_lanes - 1) + LOG_CLOSED[costs.n_closed]
+        ),
+    )  # fmt: skip
+
+
+def _ever(lanes: IntArray, n_lanes: int) -> FloatArray:
+    """Whether each trace (n, first lane) was ever in each lane: (n, first lane, lanes)."""
+    return np.stack([(lanes == k).any(axis=2) for k in range(n_lanes)], axis=2).astype(float)
+
+
+def _spread_of(square: float, n: float, *, usual: float) -> float:
+    """The spread [m] whose posterior, of n squares that add up to `square` and the prior, is highest."""
+    spread = np.geomspace(LEAST_SPREAD_M, 6.0, 120)
+    return float(spread[np.argmax(_log_prior(spread, usual) - n * np.log(spread) - square / (2 * spread**2))])
+
+
+def _log_prior(spread: FloatArray, usual: float) -> FloatArray:
+    """Log prior of the spread [m]: near the usual one it pulls, far away it lets go.
+
+    Traces that differ by less than their drift lets expect are doubted sooner than others: many narrow lanes fit any levels.
+    """
+    away = np.log(spread / usual)
+    return np.asarray(
+        np.where(away < 0, -np.minimum(0.5 * (away / LESS_SD) ** 2, MOST_DOUBT), -np.log1p((away / MORE_SCALE) ** 2))
+    )
