@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+
+from wzsumo.crowd_mapping.lane_hypotheses import Evidence, likely_hypotheses
+
+STATIONS = 100
+CLOSES, OPENS = 40, 90
+
+
+def drivers(n, *, n_open, n_closed, spread, seed, closes=CLOSES):
+    """Traces that start in any lane; those in a closed one leave it 1 to 15 stations ahead; one in five changes at will."""
+    random = np.random.default_rng(seed)
+    first = np.arange(n) % (n_open + n_closed)
+    lanes = np.repeat(first[:, None], STATIONS, axis=1)
+    for row in lanes:
+        for outer in range(n_open + n_closed - 1, n_open - 1, -1):
+            end = closes - 16 * (outer - n_open) - random.integers(1, 15)
+            row[end:] = np.minimum(row[end:], outer - 1)
+        if n_open > 1 and random.random() < 0.2:
+            at = random.integers(closes, STATIONS)
+            row[at:] += 1 if row[at] == 0 else -1
+    levels = 1.0 + 3.6 * first + spread * random.standard_normal(n)
+    return Evidence(
+        levels=levels, lanes=lanes - first[:, None], weights=np.ones(n), spacing=10.0, width=(3.6, 0.12), usual_spread=spread
+    )
+
+
+@pytest.mark.parametrize(("spread", "n"), [(0.2, 8), (1.0, 30)])
+@pytest.mark.parametrize(("n_open", "n_closed"), [(1, 1), (2, 1), (1, 2)])
+def test_open_and_closed_lanes_are_told_apart_up_to_an_error_of_1_m(n_open, n_closed, spread, n):
+    best = likely_hypotheses(drivers(n, n_open=n_open, n_closed=n_closed, spread=spread, seed=3), n_open=None, least_closed=0)[
+        0
+    ]
+    assert (best.n_open, best.n_closed) == (n_open, n_closed)
+    assert best.right == pytest.approx(1.0, abs=3 * spread / np.sqrt(n) + 0.1)
+    assert best.spread == pytest.approx(spread, rel=0.35)
+    # The closure begins where the last vehicle has left: places are tried every 5 stations.
+    assert best.closes == pytest.approx(CLOSES, abs=15)
+
+
+def test_lanes_without_a_closure_are_open_all_along():
+    # Who keeps to two lanes says nothing of a third.
+    best = likely_hypotheses(drivers(10, n_open=2, n_closed=0, spread=0.2, seed=1), n_open=None, least_closed=0)[0]
+    assert (best.n_open, best.n_closed) == (2, 0)
+
+
+def test_first_lanes_follow_the_levels_where_they_are_exact():
+    evidence = drivers(12, n_open=2, n_closed=1, spread=0.15, seed=5)
+    best = likely_hypotheses(evidence, n_open=None, least_closed=0)[0]
+    np.testing.assert_array_equal(best.first.argmax(axis=1), np.rint((evidence.levels - 1.0) / 3.6))
+
+
+def test_known_number_of_open_lanes_is_kept():
+    evidence = drivers(10, n_open=2, n_closed=1, spread=0.2, seed=2)
+    assert {fit.n_open for fit in likely_hypotheses(evidence, n_open=3, least_closed=0)} == {3}
+
+
+def test_likely_hypotheses_differ_and_descend():
+    fits = likely_hypotheses(drivers(5, n_open=2, n_closed=1, spread=1.5, seed=4), n_open=None, least_closed=0)
+    evidence = [fit.log_evidence for fit in fits]
+    assert evidence == sorted(evidence, reverse=True)
+    for i, fit in enumerate(fits):
+        for other in fits[:i]:
+            same_lanes = (fit.n_open, fit.n_closed) == (other.n_open, other.n_closed)
+            assert not same_lanes or abs(fit.right - other.right) > 1.7
