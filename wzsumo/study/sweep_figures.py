@@ -19,7 +19,7 @@ from wzsumo.study.zone_axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE,
 
 SERIES = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (PURPLE, "D"), (ORANGE, "v"), (SKY_BLUE, "P"))  # Okabe & Ito 2008
 NAMES = {
-    "safe_plan": "share of seeds with a safe plan",
+    "safe_plan": "share of safe plans",
     "iou": "IoU of the map",
     "precision": "precision of the map",
     "recall": "recall of the map",
@@ -50,14 +50,14 @@ def write_sweep_figures(table: pd.DataFrame, folder: Path) -> list[ReportFigure]
     if TRACES in numeric and {"crowd.penetration", "simulation.demand.flow_vph"} & set(numeric):
         caption = (
             f"Mean time from the first vehicle's leaving the zone until so many traces have come in as give a safe plan in "
-            f"{GOOD_ENOUGH:.0%} of the seeds, with that number and every larger one of the study. A cross at the top: "
+            f"{GOOD_ENOUGH:.0%} of the cases, with that number and every larger one of the study. A cross at the top: "
             f"never, or not within the simulated time. {seeds}"
         )
         plans.append(("minutes", partial(draw_minutes, table), "Minutes until the map is good enough", caption))
     if table["method"].nunique() > 1:
         plans.append(("methods", partial(draw_methods, table), "Methods side by side", f"All factors together. {seeds}"))
     if along and series:
-        caption = f"Share of seeds with a safe plan; its outline touches no device, no edge and not the closed area. {seeds}"
+        caption = f"Share of cases with a safe plan: its outline touches no device, no edge and not the closed area. {seeds}"
         plans.append(("outcome", partial(draw_outcome, table, along=along, across=series), "Outcome", caption))
     figures = []
     for stem, draw, title, caption in plans:
