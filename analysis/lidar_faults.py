@@ -1,6 +1,7 @@
 """What missing, tilted and lying devices, and poor detection, do to the strongest LiDAR map.
 
     python analysis/lidar_faults.py [--scenario scenarios/paper.toml] [--seeds 21] [--out results/lidar_faults.csv]
+                                    [--rate-hz 10] [--azimuth-count 1800]
 
 One SUMO fleet a seed, one mapping drive a fault. Rows are written as they come; what is there already is not run again.
 """
@@ -39,11 +40,11 @@ FAULTS = {
 METHOD = "slam_barrier"
 
 
-def spec_with(fault, *, seed):
+def spec_with(fault, *, sensor, seed):
     """The default mapping drive with one fault, which devices it strikes drawn from the seed."""
-    lidar = {key: value for key, value in fault.items() if key in {"detected_share", "visibility_m"}}
-    devices = {key: value for key, value in fault.items() if key not in lidar}
-    return SlamSpec.model_validate({"scene": {"faults": devices | {"seed": seed}}, "lidar": lidar})
+    seeing = {key: value for key, value in fault.items() if key in {"detected_share", "visibility_m"}}
+    devices = {key: value for key, value in fault.items() if key not in seeing}
+    return SlamSpec.model_validate({"scene": {"faults": devices | {"seed": seed}}, "lidar": sensor | seeing})
 
 
 def simulated(scenario, site):
@@ -52,8 +53,8 @@ def simulated(scenario, site):
         return simulate_fleet(files, on_second=lambda _: None)
 
 
-def row_of(name, scenario, site, fleet):
-    case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], seed=scenario.seed)})
+def row_of(name, scenario, site, fleet, *, sensor):
+    case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], sensor=sensor, seed=scenario.seed)})
     baselines = map_baselines([METHOD], fleet, scenario=case, site=site, progress=quiet_progress)
     grid = baselines.maps[METHOD]
     plan = plan_for(METHOD, grid, scenario=scenario, site=site, guide=nominal_guide(site))
@@ -78,7 +79,10 @@ def main():
     parser.add_argument("--scenario", type=Path, default=Path("scenarios/paper.toml"))
     parser.add_argument("--seeds", type=int, nargs="+", default=[21])
     parser.add_argument("--out", type=Path, default=Path("results/lidar_faults.csv"))
+    parser.add_argument("--rate-hz", type=float, default=10.0)
+    parser.add_argument("--azimuth-count", type=int, default=1800)
     given = parser.parse_args()
+    sensor = {"rate_hz": given.rate_hz, "azimuth_count": given.azimuth_count}
     slam_map.compile_kernels()
     raycast.compile_kernels()
     given.out.parent.mkdir(parents=True, exist_ok=True)
@@ -91,7 +95,7 @@ def main():
         site = prepare_site(scenario)
         fleet = simulated(scenario, site)
         for name in left:
-            row = pd.DataFrame([row_of(name, scenario, site, fleet)])
+            row = pd.DataFrame([row_of(name, scenario, site, fleet, sensor=sensor)])
             row.to_csv(given.out, mode="a", header=not given.out.exists(), index=False)
     print_table(pd.read_csv(given.out))
 

@@ -6,8 +6,9 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from wzsumo.errors import CloudError
+from wzsumo.lidar_mapping.alignment import Matcher, align, minus, plus
 from wzsumo.lidar_mapping.patches import FEWEST, FLATNESS, NEIGHBOURS, SLENDERNESS, SPREAD, Shape, fit_patches
-from wzsumo.lidar_mapping.registration import Matcher, RegistrationStatus, align, minus, plus, register
+from wzsumo.lidar_mapping.registration import RegistrationStatus, register
 from wzsumo.lidar_mapping.voxel_map import ROOM, VoxelMap
 from wzsumo.rigid import (
     inverse,
@@ -176,6 +177,13 @@ def test_street_scans_do_not_lock_on_their_own_ground_rings(step):
     assert result.status == RegistrationStatus.CONVERGED
     np.testing.assert_allclose(result.transform[:2, 3], [step, 0.1], atol=0.06)
     assert rpy_from_rotation(result.transform[:3, :3])[2] == pytest.approx(0.01, abs=0.005)
+
+
+@pytest.mark.parametrize("yaw", [1.2, -1.7, 2.6])
+def test_scan_turned_far_about_the_vertical_is_found(yaw):
+    result = register(street(0.4, 2, yaw=yaw, y=0.1), street(0.0, 1))
+    np.testing.assert_allclose(result.transform[:2, 3], [0.4, 0.1], atol=0.06)
+    assert rpy_from_rotation(result.transform[:3, :3])[2] == pytest.approx(yaw, abs=0.005)
 
 
 def test_identical_clouds_are_named_and_not_silently_an_identity():

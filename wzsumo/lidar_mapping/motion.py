@@ -14,7 +14,7 @@ from pydantic import Field
 
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.registration import plus
+from wzsumo.lidar_mapping.alignment import plus
 from wzsumo.rigid import cross_matrix, inverse, rigid, rotation_from_rpy, rotation_from_vector, rpy_from_rotation
 from wzsumo.scan import MotionReadings
 from wzsumo.spec import Spec

@@ -1,35 +1,29 @@
-"""Scan registration: the rigid motion that lays features on the lines and planes of a map, and how much it is worth.
-
-Gauss-Newton on point-to-line and point-to-plane distances (Zhang & Singh 2014, Section V) with Cauchy weights and, where
-there is one, a prior. The residual scale is estimated from the residuals themselves, and features drawn to one and the
-same patch share the weight of one: else thousands of correlated points would outvote every other source.
-"""
+"""Registration: the rigid motion that takes one cloud of anybody's to another, coarse to fine, and how much it is worth."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy.spatial import cKDTree
 
 from wzsumo.cloud import check_cloud
 from wzsumo.errors import CloudError
 from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.patches import Patches, Shape, fit_patches
+from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, Matcher, align
+from wzsumo.lidar_mapping.patches import Shape
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
-from wzsumo.rigid import inverse, moved, rigid, rotation_from_vector, vector_from_rotation
+from wzsumo.rigid import moved, rigid, rotation_from_vector
 
-SCALE_FLOOR_M = 0.01  # no residual scale below it: half of what a LiDAR's range noise is
-CAUCHY = 2.3849  # 95 % efficiency on Gaussian residuals; Holland & Welsch 1977
-MEDIAN_OF_NORM = np.array([1.0, 0.6745, 1.1774, 1.5382])  # |residual| over sigma in 1, 2, 3 Gaussian directions (chi)
-FEWEST_FEATURES = 12  # twice the unknowns
 SPACINGS = 4.0  # of the target's points that a cube spans at least, so that it holds enough for a plane
 FINEST = 0.02  # cube of the finest level over the cloud's radius: 1 m of a street scene, 0.2 m of a room
 LOOSEST = 0.01  # deviation over radius beyond which a direction counts as free
 LEAST_OVERLAP = 0.3  # share of the source that must lie near the target
 SMALLEST_SCENE_M = 10.0  # radius of a cloud in which SMRF's cells of 1 m can tell objects from ground
+CONVINCING = 0.2  # error of a fit that leaves nothing free, up to which no other turn is tried
+TURNS = 12  # about the vertical that are tried else: a fit finds its way from half the step between them, 15 degrees
+MOST_PROMISING = 3  # of them that are followed to the end
 
 
 class RegistrationStatus(StrEnum):
@@ -41,21 +35,6 @@ class RegistrationStatus(StrEnum):
     TOO_FEW_FEATURES = "too_few_features"
     NOT_CONVERGED = "not_converged"
     POOR_OVERLAP = "poor_overlap"  # converged, but most points of the source lie nowhere near the target
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
-    """Where Gauss-Newton ended: `pose` (4, 4), and of its last step the normal equations in the moved frame.
-
-    Order of the six unknowns: translation, rotation vector, both in the axes of the registered cloud. `information`
-    (6, 6) is of the features alone, in 1/m^2 and 1/rad^2; `scale` the residual scale [m], `used` the features with a patch.
-    """
-
-    pose: FloatArray
-    information: FloatArray
-    scale: float
-    used: int
-    converged: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,69 +53,22 @@ class RegistrationResult:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Matcher:
-    """Features of one kind against the map they are laid on."""
+class _Trial:
+    """Where one guess led: the share of the source near the target, and the mean distance of what tells.
 
-    features: FloatArray  # (n, 3), in the moved frame
-    target: VoxelMap
-    shape: Shape
-
-
-def align(
-    matchers: tuple[Matcher, ...],
-    start: FloatArray,
-    *,
-    prior_information: FloatArray,
-    radii: tuple[float, ...],
-    steps: int = 4,
-    settle: float = 1e-4,
-) -> Fit:
-    """The pose (4, 4) nearest to all patches and to `start`, the mean of a prior of given information (6, 6).
-
-    For each search radius [m] in turn patches are fitted anew and up to `steps` Gauss-Newton steps follow; where the first
-    of them is shorter than `settle` [m, rad], new patches would change nothing and the rest is left out.
+    Distances count in units of what is near, at most 1.
     """
-    pose, information, scale, used, change = np.asarray(start, dtype=np.float64), np.zeros((6, 6)), SCALE_FLOOR_M, 0, np.inf
-    for radius in radii:
-        fitted = [
-            (matcher, fit_patches(moved(matcher.features, pose), matcher.target, shape=matcher.shape, radius=radius))
-            for matcher in matchers
-        ]
-        used = sum(int((patches.dimension > 0).sum()) for _, patches in fitted)
-        if used < FEWEST_FEATURES:
-            information = np.zeros((6, 6))
-            continue
-        settled = True
-        for number in range(steps):
-            information, gradient, scale = _normal_equations(fitted, pose)
-            offset = minus(pose, start)
-            step = np.linalg.solve(information + prior_information, -gradient - prior_information @ offset)
-            pose = plus(pose, np.asarray(step, dtype=np.float64))
-            change = float(np.linalg.norm(step))
-            settled = settled and (number > 0 or change < settle)
-            if change < 1e-5:
-                break
-        if settled:
-            break
-    return Fit(pose=pose, information=information, scale=scale, used=used, converged=change < 1e-2)
 
-
-def plus(pose: FloatArray, step: FloatArray) -> FloatArray:
-    """Pose (4, 4) after a small step (6,) in its own frame: translation, then rotation vector."""
-    return pose @ rigid(rotation_from_vector(step[3:]), step[:3])
-
-
-def minus(pose: FloatArray, other: FloatArray) -> FloatArray:
-    """The step (6,) from `other` to `pose`, which `plus` undoes."""
-    between = inverse(other) @ pose
-    return np.concatenate([between[:3, 3], vector_from_rotation(between[:3, :3])])
+    fit: Fit
+    overlap: float
+    error: float
 
 
 def register(source: npt.ArrayLike, target: npt.ArrayLike, *, start: FloatArray | None = None) -> RegistrationResult:
     """The rigid motion that takes one cloud (n, 3) to another (m, 3) [m], coarse to fine, from `start` or several guesses.
 
-    Points are drawn to lines and planes of the target alike. Clouds that tell nothing come back with a status that says
-    so. Raises CloudError for clouds that are none.
+    Without a start, no motion and the middles on each other are tried, and where neither convinces, turns about the
+    vertical. Clouds that tell nothing come back with a status that says so. Raises CloudError for clouds that are none.
     """
     moving, fixed = check_cloud(source, source="source", at_least=3), check_cloud(target, source="target", at_least=3)
     if moving.shape == fixed.shape and (moving == fixed).all():
@@ -153,17 +85,25 @@ def register(source: npt.ArrayLike, target: npt.ArrayLike, *, start: FloatArray 
     apart = np.asarray(tree.query(fixed[:: 1 + len(fixed) // 2000], k=2)[0])[:, 1]
     near = max(extent * FINEST, SPACINGS * float(np.median(apart)))
     levels, sample = _levels(moving, fixed, near=near, extent=extent), _thinned(moving, near)
-    best: tuple[float, float, Fit] | None = None
-    for guess in _guesses(start, centres, unit):
+    standing = levels[-1][-1]
+    # What stands decides between guesses: a LiDAR's rings on the ground lie on each other whatever the turn.
+    telling, target = (standing.features, standing.target.points) if len(standing.features) else (sample, fixed)
+    telling_tree = cKDTree(target) if len(target) else tree
+
+    def followed(guess: FloatArray) -> _Trial:
         fit = _coarse_to_fine(levels, guess, extent=extent)
-        apart = np.asarray(tree.query(moved(sample, fit.pose), distance_upper_bound=near)[0])
-        overlap, error = float(np.isfinite(apart).mean()), float(np.minimum(apart, near).mean())
-        if best is None or error < best[0]:
-            best = error, overlap, fit
-    assert best is not None  # noqa: S101 - there is always a guess
-    _, overlap, fit = best
+        away = np.asarray(telling_tree.query(moved(telling, fit.pose), distance_upper_bound=near)[0])
+        overlap = np.isfinite(tree.query(moved(sample, fit.pose), distance_upper_bound=near)[0]).mean()
+        return _Trial(fit=fit, overlap=float(overlap), error=float(np.minimum(away / near, 1.0).mean()))
+
+    trials = [followed(guess) for guess in _guesses(start, centres, unit)]
+    best = min(trials, key=lambda trial: trial.error)
+    if start is None and (best.error > CONVINCING or _free_directions(best.fit, extent=extent)):
+        trials += [followed(guess) for guess in _promising_turns(levels[0], centres, unit)]
+        best = min(trials, key=lambda trial: trial.error)
+    fit = best.fit
     pose = rigid(fit.pose[:3, :3], fit.pose[:3, 3] * unit + centres[1] - fit.pose[:3, :3] @ centres[0])
-    return _judged(fit, pose, overlap=overlap, extent=extent, unit=unit)
+    return _judged(fit, pose, overlap=best.overlap, extent=extent, unit=unit)
 
 
 def compile_kernels() -> None:
@@ -173,51 +113,30 @@ def compile_kernels() -> None:
     register(floor + np.array([0.1, 0.0, 0.1]), floor)
 
 
-def _normal_equations(fitted: list[tuple[Matcher, Patches]], pose: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """(information (6, 6), gradient (6,), largest residual scale [m]) of all matchers at a pose."""
-    information, gradient, largest = np.zeros((6, 6)), np.zeros(6), SCALE_FLOOR_M
-    for matcher, patches in fitted:
-        used = patches.dimension > 0
-        if not used.any():
-            continue
-        offset = np.einsum("nij,nj->ni", patches.projector[used], moved(matcher.features[used], pose) - patches.centre[used])
-        size = np.linalg.norm(offset, axis=1)
-        scale = max(float(np.median(size / MEDIAN_OF_NORM[patches.dimension[used]])), SCALE_FLOOR_M)
-        weight = patches.share[used] / scale**2 / (1 + (size / (CAUCHY * scale)) ** 2)
-        part, pull = np.zeros((6, 6)), np.zeros(6)
-        _accumulate(matcher.features[used], pose[:3, :3].copy(), patches.projector[used], offset, weight, part, pull)
-        information, gradient, largest = information + part, gradient + pull, max(largest, scale)
-    return information, gradient, largest
-
-
-@njit(cache=True, error_model="numpy")
-def _accumulate(
-    features: FloatArray, rotation: FloatArray, projector: FloatArray, offset: FloatArray, weight: FloatArray,
-    information: FloatArray, gradient: FloatArray,
-) -> None:  # fmt: skip
-    """Add sum w J'J and sum w J'r; J = P R [I, -[p]x], r = P (R p + t - c) = `offset`, P a projector."""
-    for i in range(len(features)):
-        x, y, z = features[i]
-        turned = np.zeros((3, 6))  # P R [I, -[p]x]; J'J = its own square, since P is a projector
-        for a in range(3):
-            for c in range(3):
-                for k in range(3):
-                    turned[a, c] += projector[i, a, k] * rotation[k, c]
-            turned[a, 3] = turned[a, 2] * y - turned[a, 1] * z
-            turned[a, 4] = turned[a, 0] * z - turned[a, 2] * x
-            turned[a, 5] = turned[a, 1] * x - turned[a, 0] * y
-        for a in range(6):
-            for k in range(3):
-                gradient[a] += weight[i] * turned[k, a] * offset[i, k]
-                for b in range(6):
-                    information[a, b] += weight[i] * turned[k, a] * turned[k, b]
-
-
 def _guesses(start: FloatArray | None, centres: tuple[FloatArray, FloatArray], unit: float) -> list[FloatArray]:
     """Poses between the centred, scaled clouds to begin from: the given one; or no motion, then the middles on each other."""
     if start is not None:
         return [rigid(start[:3, :3], (start[:3, :3] @ centres[0] + start[:3, 3] - centres[1]) / unit)]
     return [rigid(np.eye(3), (centres[0] - centres[1]) / unit), np.eye(4)]
+
+
+def _promising_turns(coarse: tuple[Matcher, ...], centres: tuple[FloatArray, FloatArray], unit: float) -> list[FloatArray]:
+    """Of turns about the vertical through the middles, and through the origins, those that bring standing points nearest."""
+    standing = coarse[-1]
+    if not (len(standing.features) and len(standing.target)):
+        return []
+    tree = cKDTree(standing.target.points)
+    guesses = []
+    for turn in np.arange(TURNS) * (2 * np.pi / TURNS):
+        rotation = rotation_from_vector([0.0, 0.0, turn])
+        origins = (rotation @ centres[0] - centres[1]) / unit
+        guesses += [rigid(rotation, np.zeros(3)), rigid(rotation, origins)]
+
+    def apart(guess: FloatArray) -> float:
+        away = np.asarray(tree.query(moved(standing.features, guess), distance_upper_bound=standing.target.cube)[0])
+        return float(np.minimum(away, standing.target.cube).mean())
+
+    return sorted(guesses, key=apart)[:MOST_PROMISING]
 
 
 def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float) -> list[tuple[Matcher, ...]]:
@@ -264,11 +183,8 @@ def _thinned(points: FloatArray, spacing: float) -> FloatArray:
 
 
 def _judged(fit: Fit, transform: FloatArray, *, overlap: float, extent: float, unit: float) -> RegistrationResult:
-    """The result in metres, with rotations counted by what they move at the cloud's radius."""
-    lever = np.diag([1.0] * 3 + [1 / extent] * 3)
-    values = np.linalg.eigvalsh(lever @ fit.information @ lever)
-    deviation = 1 / np.sqrt(np.maximum(values[::-1], 1e-12))
-    free = int((deviation > LOOSEST * extent).sum())
+    """The result in metres."""
+    deviation, free = _deviation(fit, extent=extent), _free_directions(fit, extent=extent)
     status = RegistrationStatus.CONVERGED
     if fit.used < FEWEST_FEATURES:
         status = RegistrationStatus.TOO_FEW_FEATURES
@@ -286,6 +202,17 @@ def _judged(fit: Fit, transform: FloatArray, *, overlap: float, extent: float, u
         deviation_m=deviation * unit,
         free_directions=free,
     )
+
+
+def _deviation(fit: Fit, *, extent: float) -> FloatArray:
+    """Predicted standard deviations (6,) along the principal directions, rotations by what they move at the radius."""
+    lever = np.diag([1.0] * 3 + [1 / extent] * 3)
+    values = np.linalg.eigvalsh(lever @ fit.information @ lever)
+    return np.asarray(1 / np.sqrt(np.maximum(values[::-1], 1e-12)))
+
+
+def _free_directions(fit: Fit, *, extent: float) -> int:
+    return int((_deviation(fit, extent=extent) > LOOSEST * extent).sum())
 
 
 def _nothing(status: RegistrationStatus) -> RegistrationResult:
