@@ -57,6 +57,14 @@ def test_ground_of_straight_road_rises_along_it_and_falls_to_the_right():
     np.testing.assert_allclose(ground.height([[0, 0], [100, 0], [100, 5]]), [0, 2.0, 2.1], atol=1e-3)
 
 
+def test_car_stands_on_the_surface_of_a_straight_road():
+    road = straight_road()
+    ground = ground_of(road, SMOOTH, seed=1)
+    xy = road.to_xy([10.0, 150.0], [1.8, 5.4])
+    drive = Drive(time_s=np.array([0.0, 1.0]), poses=np.column_stack([xy, np.zeros(2)]))
+    np.testing.assert_allclose(drive.car_poses(drive.time_s, ground)[:, 2, 3], ground.height(xy), atol=1e-3)
+
+
 def test_superelevation_of_a_curve_turns_with_the_road():
     spec = RoadSpec(lane_count=2, left_shoulder_ft=6, right_shoulder_ft=10, alignment=({"length_ft": 1500, "radius_ft": 1500},))
     road = spec.build()

@@ -80,7 +80,8 @@ def ground_of(road: Road, spec: GroundSpec, *, seed: int) -> Ground:
     heading = float(road.heading_at(0.0))
     along, across = np.array([np.cos(heading), np.sin(heading)]), np.array([-np.sin(heading), np.cos(heading)])
     slope = grade * along + cross * across
-    level = -float(slope @ road.reference_line[0])
+    (first_s,), (first_d,) = road.to_sd(road.reference_line[:1])
+    level = float(grade * first_s + cross * first_d - slope @ road.reference_line[0])
     reach = spec.verge_width_m + max(road.left_edge, road.right_shoulder)
     low = road.reference_line.min(axis=0) - reach
     cols, rows = (int(np.ceil(n)) for n in (road.reference_line.max(axis=0) + reach - low) / spec.node_m)
