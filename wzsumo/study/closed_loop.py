@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from wzsumo.control.car_following import Leader
 from wzsumo.control.controller import Controller, ControlSpec
 from wzsumo.control.plant import PlantSpec, advance_ego
 from wzsumo.ego import Command, EgoRun, EgoState, Outcome
@@ -52,21 +53,22 @@ def drive_path(
         if state is None:
             return _run([], [], Outcome.TIMED_OUT, f"no gap to enter the road within {INSERTION_WAIT_S:g} s")
         controller, control = Controller(path, drive.vehicle, drive.control), drive.control
+        leader: Leader | None = None
         rows: list[tuple[float, ...]] = []
         seen: list[tuple[float, Traffic]] = []
         traffic, route = session.traffic(), route_along(path, layout=layout, vehicle=drive.vehicle)
         while True:
-            way = Way(
-                route=route, station=controller.station_m, state=state, vehicle=drive.vehicle,
-                desired_speed=control.target_speed_mps, acceleration=control.idm.acceleration_mps2,
-            )  # fmt: skip
-            stop = stop_line_ahead(state, vehicle=drive.vehicle, layout=layout, may_enter=session.may_enter_shared_lane())
-            minded = [leader for leader in (whom_to_mind(way, traffic, layout=layout), stop) if leader]
-            leader = min(minded, key=lambda leader: leader.gap_m, default=None)
+            if on_clock(session.time):  # as often as the other drivers
+                way = Way(
+                    route=route, station=controller.station_m, state=state, vehicle=drive.vehicle,
+                    desired_speed=control.target_speed_mps, acceleration=control.idm.acceleration_mps2,
+                )  # fmt: skip
+                stop = stop_line_ahead(state, vehicle=drive.vehicle, layout=layout, may_enter=session.may_enter_shared_lane())
+                minded = [it for it in (whom_to_mind(way, traffic, layout=layout), stop) if it]
+                leader = min(minded, key=lambda it: it.gap_m, default=None)
+                seen.append((session.time, traffic.near(state.x, state.y, reach_m=TRAFFIC_LOG_M)))
             command = controller.command(state, dt=STEP_S, leader=leader)
             rows.append(_log_row(session.time, state, command, controller))
-            if on_clock(session.time):
-                seen.append((session.time, traffic.near(state.x, state.y, reach_m=TRAFFIC_LOG_M)))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
             over_lines = intrusions(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
             session.place_ego(state, drive.vehicle, intrusions=over_lines)

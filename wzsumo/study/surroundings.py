@@ -11,6 +11,8 @@ from wzsumo.simulation.session import Traffic
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
+LONGEST_M = 40.0  # from the rear axle to the centre of any vehicle that the ego might touch
+
 
 class Surroundings:
     """Devices, closed area and pavement of one layout, prepared once."""
@@ -29,6 +31,7 @@ class Surroundings:
         where = f"at ({state.x:.1f}, {state.y:.1f}) m"
         centre = advance(state.pose, self._vehicle.axle_to_centre_m)
         size = np.array([self._vehicle.length_m, self._vehicle.width_m])
+        traffic = traffic.near(state.x, state.y, reach_m=LONGEST_M)
         if traffic.ids:
             sizes = np.column_stack([traffic.lengths, traffic.widths])
             hit = boxes_overlap(centre, size, traffic.poses, sizes)
