@@ -3,7 +3,8 @@
 python analysis/moving_bottleneck.py --scenario scenarios/paper.toml --first 21 --seeds 3 --out results/moving_bottleneck
 
 An automated vehicle drives like all others up to the announced zone; between its first and last device it goes no faster than
-the speed that is studied (Chen, Luo & Feng 2022 drive 10 m/s). Who is automated is a nested hash of the vehicle's id. Rows are
+the speed that is studied (Chen, Luo & Feng 2022 drive 10 m/s). SUMO counts no delay against a limit that a vehicle has of its
+own, so it is the other drivers' delay that is compared. Who is automated is a nested hash of the vehicle's id. Rows are
 appended as they come: a run that was stopped goes on where it was.
 """
 
@@ -96,8 +97,8 @@ def draw(table: pd.DataFrame) -> Figure:
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     for axes, column, label in zip(
         figure.subplots(1, 2),
-        ("throughput_vph", "mean_delay_s"),
-        ("throughput [veh/h]", "mean delay of all vehicles [s]"),
+        ("throughput_vph", "mean_delay_human_s"),
+        ("throughput [veh/h]", "mean delay of the other drivers [s]"),
         strict=True,
     ):
         base = table[table["share"] == 0]
