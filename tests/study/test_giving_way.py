@@ -75,6 +75,13 @@ def test_standing_ego_looks_at_where_it_would_be_after_moving_off():
     assert waiting_place(way(slope=0.1, speed=0.0), one_vehicle(-70, MIDDLE, speed=18)) is not None
 
 
+@pytest.mark.parametrize(("ahead_m", "waits"), [(-6, False), (0, True), (5, True)])
+def test_ego_passes_who_stands_behind_it_and_waits_only_where_it_would_touch(ahead_m, waits):
+    # Half lengths are 4.7 m together; drifting 1.6 m over takes the ego 16 m: whoever stands within them is beside it or not.
+    stood_at = ahead_m if ahead_m < 0 else 16 + ahead_m
+    assert (waiting_place(way(slope=0.1), one_vehicle(stood_at, MIDDLE, speed=0.0)) is not None) == waits
+
+
 def test_lanes_that_shift_together_bring_nobody_into_anothers_way():
     shifting = LAYOUT.area("shifting taper")
     drift = -LANE / shifting.length  # of the lanes, by 12 ft to the right

@@ -23,12 +23,20 @@ def test_ego_in_the_middle_of_its_lane_reaches_into_no_other():
     assert seen_at(1.5 * LANE) == ()
 
 
-@pytest.mark.parametrize(("over_m", "lane"), [(0.5, 0), (0.8, 0)])
-def test_part_over_the_line_to_the_right_is_seen_there_with_its_clearance(over_m, lane):
+@pytest.mark.parametrize("over_m", [0.1, 0.4])
+def test_part_over_the_line_to_the_right_is_seen_there_with_its_clearance(over_m):
     (part,) = seen_at(LANE + CAR.width_m / 2 - over_m)
-    assert part.lane == lane
+    assert part.lane == 0
     assert part.width == pytest.approx(over_m + 0.3)
     assert part.front[:2] == pytest.approx([100.0 + CAR.axle_to_bumper_m, LANE - (over_m + 0.3) / 2])
+
+
+@pytest.mark.parametrize(("y", "lane"), [(LANE + CAR.width_m / 2 - 0.6, 0), (2 * LANE - CAR.width_m / 2 + 0.6, 2)])
+def test_ego_more_than_half_a_metre_in_a_lane_takes_all_of_it(y, lane):
+    (part,) = seen_at(y)
+    assert part.lane == lane
+    assert part.width == pytest.approx(LANE)
+    assert part.front[1] == pytest.approx((lane + 0.5) * LANE)
 
 
 def test_part_over_the_line_to_the_left_is_seen_there():

@@ -22,6 +22,7 @@ SAFE_DECELERATION_MPS2 = 4.0  # asked of the driver behind; b_safe of Kesting, T
 REACTION_TIME_S = 1.0  # of the driver behind; SUMO's default tau
 SIDE_MARGIN_M = 0.3  # the same that other drivers keep beside the ego
 END_MARGIN_M = 2.0  # standstill gap of the intelligent driver model, Treiber et al. 2000
+TOUCH_M, STANDING_MPS = 0.2, 0.3  # beside or before a vehicle that stands still
 LEAST_MOVE_M = 0.1  # sideways; less is no move into another's way, though the other may have come near
 _BEHIND_M = 150.0  # who may come alongside within the foresight
 _AHEAD_M = 20.0  # beyond the reach of the leader's search: the longest vehicle's half, and the path's bends
@@ -108,7 +109,10 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Lead
     closing_behind = np.maximum(theirs - own_speeds[entry], 0.0)
     closing_ahead = np.where(theirs < 0, own_speeds[entry] - theirs, 0.0)
     clear = (ahead - half_length > _room(closing_ahead)) | (-ahead - half_length > _room(closing_behind))
-    hindered = moved_into.any(axis=1) & ~clear
+    # Who stands still may be waiting for the ego: it goes on unless it would touch.
+    apart = np.abs((station + theirs * times[entry])[:, None] - own[:, 0]) - half_length[:, None]
+    touches = ((side_gap < TOUCH_M) & (apart < TOUCH_M)).any(axis=1)
+    hindered = moved_into.any(axis=1) & np.where(np.abs(theirs) < STANDING_MPS, touches, ~clear)
     if not hindered.any():
         return None
     return Leader(gap_m=float(path_stations[entry[hindered].min()] - way.station), speed_mps=0.0)

@@ -11,6 +11,7 @@ from wzsumo.simulation.session import SIDE_CLEARANCE_M, Intrusion, Traffic
 from wzsumo.vehicle import VehicleGeometry
 
 LEAST_REACH_M = 0.02  # less is not an intrusion
+BLOCKING_REACH_M = 0.5  # who reaches farther into a lane takes all of it: SUMO's drivers would squeeze past and be shut in
 TIE_M = 0.1  # so near the line between two lanes nobody knows to which one SUMO counts the ego: it is shown in both
 
 
@@ -38,14 +39,22 @@ def intrusions(
             continue
         if ((theirs > right) & (theirs < left)).any():
             continue
-        # From the line that the ego has crossed to its farther side, and the clearance.
-        from_right = (right + left) / 2 > across
-        low, high = (
-            (right, min(left, highest + SIDE_CLEARANCE_M)) if from_right else (max(right, lowest - SIDE_CLEARANCE_M), left)
-        )
-        x, y = road.to_xy(station, (low + high) / 2)
-        found.append(Intrusion(lane=edge.lanes[index].index, front=np.array([x, y, state.heading]), width=high - low))
+        found.append(_stand_in(edge.lanes[index].index, _taken(right, left, lowest, highest), station, state, road))
     return tuple(found)
+
+
+def _taken(right: float, left: float, lowest: float, highest: float) -> tuple[float, float]:
+    """The offsets between which a lane from `right` to `left` is taken by an ego from `lowest` to `highest`."""
+    reach = min(left, highest) - max(right, lowest)
+    if reach > BLOCKING_REACH_M:
+        return right, left
+    from_right = lowest < right
+    return (right, highest + SIDE_CLEARANCE_M) if from_right else (lowest - SIDE_CLEARANCE_M, left)
+
+
+def _stand_in(lane: int, taken: tuple[float, float], station: float, state: EgoState, road: Road) -> Intrusion:
+    x, y = road.to_xy(station, (taken[0] + taken[1]) / 2)
+    return Intrusion(lane=lane, front=np.array([x, y, state.heading]), width=taken[1] - taken[0])
 
 
 def _beside(state: EgoState, vehicle: VehicleGeometry, traffic: Traffic) -> BoolArray:
