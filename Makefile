@@ -1,7 +1,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup scenario sweep report test bench clean
+.PHONY: help setup scenario baselines sweep report test bench clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -19,6 +19,10 @@ $(VENV)/.ready: requirements.lock pyproject.toml setup.sh
 
 scenario: setup  ## run the paper's scenario into results/paper
 	$(BIN)/wzsumo run scenarios/paper.toml --out results/paper
+
+baselines: setup  ## the same zone with LiDAR SLAM and the map of before beside the crowd's maps: some two minutes
+	$(BIN)/wzsumo run scenarios/paper.toml --out results/paper_baselines --method swept --method lanes --method slam_raw \
+		--method slam_log_odds --method slam_barrier --method hd_map --method hd_map_devices
 
 sweep: setup  ## run a study of some two minutes into results/how_many_traces; again: what is missing
 	$(BIN)/wzsumo sweep scenarios/studies/how_many_traces.toml --out results/how_many_traces

@@ -35,7 +35,7 @@ from wzsumo.study.site import Site, prepare_site
 
 WARM_UP_S = 120.0  # the road is full after the slowest vehicle has passed it once (1.8 km at 21 m/s: 87 s)
 DRIVE_LIMIT_S = 400.0
-NOT_RUN = {"slam": "the LiDAR SLAM baseline is not part of this run"}
+NOT_RUN = {"slam": "not part of this run; `make baselines` runs it in the paper's zone, --method in any other"}
 
 
 class Progress(Protocol):
