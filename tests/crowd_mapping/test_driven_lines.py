@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.drivable_area import driven_lines
+from wzsumo.crowd_mapping.drivable_area import MixtureSpec, driven_lines, stands_for_a_stretch, swept_map
 from wzsumo.crowd_mapping.mixture import Mixture
+from wzsumo.grid import blank_grid
 
 
 def test_line_of_a_component_is_as_long_as_the_uniform_stretch_of_the_same_variance():
@@ -16,3 +17,21 @@ def test_line_of_a_component_is_as_long_as_the_uniform_stretch_of_the_same_varia
     assert np.hypot(*(line[1] - line[0])) == pytest.approx(60)
     assert line.mean(axis=0) == pytest.approx([5, 7])
     assert (line[1] - line[0]) @ axes[:, 1] == pytest.approx(0, abs=1e-9)
+
+
+def test_broad_component_of_a_few_strays_is_neither_swept_nor_a_guide():
+    # Two stretches of lane of 120 m with half of the fixes each, and 0.3 % of them scattered over 880 x 8 m.
+    stretch = np.diag([120**2 / 12, 0.01])
+    mixture = Mixture(
+        weights=np.array([0.4985, 0.4985, 0.003]), means=np.array([[60.0, 2.0], [180.0, 2.0], [120.0, 2.0]]),
+        covariances=np.array([stretch, stretch, np.diag([880**2 / 12, 1.6**2])]),
+        log_likelihood=0.0, n_points=1000, converged=True,
+    )  # fmt: skip
+    assert stands_for_a_stretch(mixture).tolist() == [True, True, False]
+    assert len(driven_lines(mixture)) == 2
+    cells = blank_grid((0.0, -5.0, 240.0, 9.0), resolution=0.25, p_occupied=1.0)
+    free = swept_map(mixture, half_width_m=0.93, spec=MixtureSpec(), grid=cells).free
+    y = cells.centre_of(np.arange(cells.shape[0]), np.zeros(cells.shape[0], dtype=int))[:, 1]
+    # Half a vehicle and 2.45 standard deviations of the drivers, 0.25 m at least.
+    reach = 0.93 + 2.4477 * 0.25
+    assert reach - 0.25 < np.abs(y[free.any(axis=1)] - 2.0).max() <= reach
