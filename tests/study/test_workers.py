@@ -1,20 +1,12 @@
 import os
-import signal
 import time
 
 import pytest
+from worker_tasks import divide, kill_self
 
 from wzsumo.study.workers import LocalWorkers, TaskLost
 
 LIMIT_S = 60.0
-
-
-def kill_self():
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def divide(a, b):
-    return a / b
 
 
 def alive(pid):

@@ -1,0 +1,12 @@
+"""Tasks for workers, in a module that their processes can import: pytest gives the names of test modules itself."""
+
+import os
+import signal
+
+
+def kill_self():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def divide(a, b):
+    return a / b
