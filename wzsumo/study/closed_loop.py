@@ -86,8 +86,7 @@ def _run(rows: list[tuple[float, ...]], seen: list[tuple[float, Traffic]], outco
 
 
 def _finer_steps(files: SumoFiles) -> tuple[str, ...]:
-    step = min(STEP_S, files.step_length)
-    return ("--step-length", f"{step:g}", "--default.action-step-length", f"{files.step_length:g}")
+    return ("--step-length", f"{STEP_S:g}", "--default.action-step-length", f"{max(files.step_length, STEP_S):g}")
 
 
 def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive) -> EgoState | None:
