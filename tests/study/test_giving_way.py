@@ -75,10 +75,10 @@ def test_standing_ego_looks_at_where_it_would_be_after_moving_off():
     assert waiting_place(way(slope=0.1, speed=0.0), one_vehicle(-70, MIDDLE, speed=18)) is not None
 
 
-@pytest.mark.parametrize(("ahead_m", "waits"), [(-6, False), (0, True), (5, True)])
-def test_ego_passes_who_stands_behind_it_and_waits_only_where_it_would_touch(ahead_m, waits):
-    # Half lengths are 4.7 m together; drifting 1.6 m over takes the ego 16 m: whoever stands within them is beside it or not.
-    stood_at = ahead_m if ahead_m < 0 else 16 + ahead_m
+@pytest.mark.parametrize(("stood_at", "waits"), [(9, False), (16, True), (19, True)])
+def test_ego_goes_on_before_who_stands_still_and_waits_only_where_it_would_touch(stood_at, waits):
+    # It comes over 15 m on; half lengths are 4.7 m together. From 9 m there are 1.3 m between the bumpers: less than is left to
+    # whoever drives, but they do not touch.
     assert (waiting_place(way(slope=0.1), one_vehicle(stood_at, MIDDLE, speed=0.0)) is not None) == waits
 
 
