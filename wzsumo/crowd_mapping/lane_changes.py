@@ -28,7 +28,7 @@ def relative_lanes(
 
 
 @njit(cache=True)
-def _search_all(departures, widths, drift_variance, white_variance, change_cost, lengths):  # type: ignore[no-untyped-def]
+def _search_all(departures, widths, drift_variance, white_variance, change_cost, lengths):  # type: ignore[no-untyped-def]  # numba infers them
     lanes = np.zeros(departures.shape)
     total = 0.0
     for i in range(len(departures)):
@@ -37,7 +37,7 @@ def _search_all(departures, widths, drift_variance, white_variance, change_cost,
 
 
 @njit(cache=True)
-def _step(cost, mean, variance, value, drift_variance, white_variance):  # type: ignore[no-untyped-def]
+def _step(cost, mean, variance, value, drift_variance, white_variance):  # type: ignore[no-untyped-def]  # numba infers them
     """One Kalman step of a random walk; a missing value only lets it drift."""
     variance += drift_variance
     if np.isnan(value):
@@ -54,7 +54,7 @@ def _step(cost, mean, variance, value, drift_variance, white_variance):  # type:
 
 
 @njit(cache=True)
-def _search(v, widths, drift_variance, white_variance, change_cost, lengths, out):  # type: ignore[no-untyped-def]
+def _search(v, widths, drift_variance, white_variance, change_cost, lengths, out):  # type: ignore[no-untyped-def]  # numba infers them
     """Cost of the best sequence of lanes for one trace; the lanes themselves go into `out`."""
     n, span = len(v), 2 * MAX_LANES_MOVED + 1
     first = 0
@@ -82,7 +82,7 @@ def _search(v, widths, drift_variance, white_variance, change_cost, lengths, out
 
 
 @njit(cache=True)
-def _change(  # type: ignore[no-untyped-def]
+def _change(  # type: ignore[no-untyped-def]  # numba infers them
     v, widths, drift_variance, white_variance, change_cost, lengths, first, j, k, source, state, origin
 ):
     """Enter the best change from lane `source` that ends in lane k at station j, where it beats what is there."""
@@ -103,13 +103,13 @@ def _change(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _on_the_way(source, goal, t):  # type: ignore[no-untyped-def]
+def _on_the_way(source, goal, t):  # type: ignore[no-untyped-def]  # numba infers them
     """Place between two lanes at a share t of a change, as drivers steer: slow at both ends."""
     return source + (goal - source) * t * t * (3.0 - 2.0 * t)
 
 
 @njit(cache=True)
-def _trace_back(first, k, origin, out):  # type: ignore[no-untyped-def]
+def _trace_back(first, k, origin, out):  # type: ignore[no-untyped-def]  # numba infers them
     j = len(out) - 1
     while j > first:
         source, length = origin[j, k]

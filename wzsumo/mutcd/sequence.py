@@ -54,7 +54,7 @@ class _Sequence:
 
     def add(self, name: str, length_ft: float, *, spacing_ft: float | None = None, **lines: object) -> None:
         """Append a stretch that ends with some lines changed: in a taper, unless another spacing is given."""
-        self.lines = replace(self.lines, **lines)  # type: ignore[arg-type]
+        self.lines = replace(self.lines, **lines)  # type: ignore[arg-type]  # the names are fields of Lines
         if length_ft > 0:
             spacing = (spacing_ft or taper_spacing_ft(self.work_zone.posted_speed_mph)) * METRES_PER_FOOT
             self.stretches.append(Stretch(name=name, length=length_ft * METRES_PER_FOOT, end=self.lines, spacing=spacing))

@@ -31,7 +31,7 @@ IntArray = npt.NDArray[np.int64]
 
 
 @njit(cache=True, error_model="numpy")
-def search(  # noqa: C901
+def search(  # noqa: C901 - the loop of A*, with its arrays at hand
     terrain: Terrain,
     cost_to_go: FieldArray,
     body: Body,
@@ -189,7 +189,7 @@ def _rehashed(keys: IntArray, holders: IntArray) -> tuple[IntArray, IntArray]:
 
 
 @njit(cache=True, error_model="numpy")
-def _grown(values):  # type: ignore[no-untyped-def]
+def _grown(values):  # type: ignore[no-untyped-def]  # numba infers them
     wider = np.empty(2 * len(values), dtype=values.dtype)
     for index in range(len(values)):
         wider[index] = values[index]
