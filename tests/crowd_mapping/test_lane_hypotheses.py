@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.lane_hypotheses import Evidence, likely_hypotheses
+from wzsumo.crowd_mapping.lane_hypotheses import Evidence, LanePattern, likely_hypotheses
 
 STATIONS = 100
 CLOSES, OPENS = 40, 90
@@ -31,7 +31,7 @@ def test_open_and_closed_lanes_are_told_apart_up_to_an_error_of_1_m(n_open, n_cl
     best = likely_hypotheses(drivers(n, n_open=n_open, n_closed=n_closed, spread=spread, seed=3), n_open=None, least_closed=0)[
         0
     ]
-    assert (best.n_open, best.n_closed) == (n_open, n_closed)
+    assert best.pattern == LanePattern(n_open + n_closed, tuple(range(n_open, n_open + n_closed)))
     assert best.right == pytest.approx(1.0, abs=3 * spread / np.sqrt(n) + 0.1)
     assert best.spread == pytest.approx(spread, rel=0.35)
     # The closure begins where the last vehicle has left: places are tried every 5 stations.
@@ -41,7 +41,7 @@ def test_open_and_closed_lanes_are_told_apart_up_to_an_error_of_1_m(n_open, n_cl
 def test_lanes_without_a_closure_are_open_all_along():
     # Who keeps to two lanes says nothing of a third.
     best = likely_hypotheses(drivers(10, n_open=2, n_closed=0, spread=0.2, seed=1), n_open=None, least_closed=0)[0]
-    assert (best.n_open, best.n_closed) == (2, 0)
+    assert best.pattern == LanePattern(2, ())
 
 
 def test_first_lanes_follow_the_levels_where_they_are_exact():
@@ -52,7 +52,7 @@ def test_first_lanes_follow_the_levels_where_they_are_exact():
 
 def test_known_number_of_open_lanes_is_kept():
     evidence = drivers(10, n_open=2, n_closed=1, spread=0.2, seed=2)
-    assert {fit.n_open for fit in likely_hypotheses(evidence, n_open=3, least_closed=0)} == {3}
+    assert {fit.pattern.n_open for fit in likely_hypotheses(evidence, n_open=3, least_closed=0)} == {3}
 
 
 def test_likely_hypotheses_differ_and_descend():
@@ -61,5 +61,4 @@ def test_likely_hypotheses_differ_and_descend():
     assert evidence == sorted(evidence, reverse=True)
     for i, fit in enumerate(fits):
         for other in fits[:i]:
-            same_lanes = (fit.n_open, fit.n_closed) == (other.n_open, other.n_closed)
-            assert not same_lanes or abs(fit.right - other.right) > 1.7
+            assert fit.pattern != other.pattern or abs(fit.right - other.right) > 1.7

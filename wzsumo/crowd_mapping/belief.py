@@ -64,6 +64,8 @@ def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> FloatArr
     missed *= MORE_LANES_ODDS / (1 + MORE_LANES_ODDS * missed)
     more_left, more_right = np.maximum(more_left, missed), np.maximum(more_right, missed)
     free = (above_right + (1 - above_right) * more_right) * (below_left + (1 - below_left) * more_left)
+    inside = (d > right) & (d < left)
+    free[inside] *= model.use.open_at(s[inside], (d[inside] - right[inside]) / levels.width)
     seen_at = (d > right - SEEN_BAND_M - known_right * levels.outer_width) & (
         d < left + SEEN_BAND_M + known_left * levels.outer_width
     )

@@ -1,8 +1,8 @@
 """Which lanes are open and which are closed: hypotheses of a closure, weighed by levels, lane changes and where they happened.
 
-A hypothesis says that `n_open` lanes go through and `n_closed` lanes beside them, on the left, are closed from one station
-to another, both unknown. A trace's lanes relative to its first are known, its first lane and its level's error are not.
-Closures on the right are the same in the mirror.
+A hypothesis says how many lanes there are and which of them, the leftmost ones or some between open ones, are closed from one
+station to another, both unknown. A trace's lanes relative to its first are known, its first lane and its level's error are
+not. Closures on the right are the same in the mirror.
 """
 
 from dataclasses import dataclass, replace
@@ -17,6 +17,7 @@ IntArray = npt.NDArray[np.int64]
 # error three wide lanes and four narrow ones fit 100 levels alike; at 0.5 m they do not.
 LOG_FURTHER_LANE = -4.5
 MOST_OPEN, LOG_CLOSED = 4, np.log([0.3, 0.5, 0.2])  # prior of 0 to 2 closed lanes on one side: it is a work zone
+LOG_INTERIOR = np.log(0.1)  # of as many between open ones: TA-30 and TA-38 are two of the some ten lane closures of MUTCD 6P
 # Changes of lane: at discretion about one in 2 km; out of a closing lane one for certain, some 150 m ahead of its end.
 DISCRETION_M, MERGE_AHEAD_M = 2000.0, 150.0
 STATION_COST, MOST_COST = 1.0, 4.0  # -log chance of a station beside the lanes, and of a trace that does not belong
@@ -44,16 +45,38 @@ class Evidence:
     usual_spread: float  # between traces [m], as far as their drift tells it
 
 
+@dataclass(frozen=True)
+class LanePattern:
+    """Lanes 0 (rightmost) .. n_lanes - 1, some of which, side by side, are closed for a while; never lane 0."""
+
+    n_lanes: int
+    closed: tuple[int, ...]
+
+    @property
+    def n_open(self) -> int:
+        """Number of lanes that go through."""
+        return self.n_lanes - len(self.closed)
+
+    @property
+    def is_interior(self) -> bool:
+        """Whether open lanes pass on both sides of the closed ones."""
+        return bool(self.closed) and self.closed[-1] < self.n_lanes - 1
+
+    @property
+    def log_prior(self) -> float:
+        """Log of the chance that a work zone has such lanes, up to a constant."""
+        return float(LOG_CLOSED[len(self.closed)] + LOG_INTERIOR * self.is_interior + LOG_FURTHER_LANE * (self.n_lanes - 1))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneHypothesis:
-    """A fitted hypothesis: lane k's centre at right + k width above the course; lanes n_open .. are closed on the left.
+    """A fitted hypothesis: lane k's centre at right + k width above the course.
 
     `first` (n, lanes) are the chances of each trace's first lane; `closes` and `opens` are indices of stations, the second
     one beyond the last where the closed lanes do not open again.
     """
 
-    n_open: int
-    n_closed: int
+    pattern: LanePattern
     right: float
     right_sd: float
     width: float
@@ -68,13 +91,11 @@ class LaneHypothesis:
 def likely_hypotheses(evidence: Evidence, *, n_open: int | None, least_closed: int) -> list[LaneHypothesis]:
     """Hypotheses, the likeliest first, that differ in their lanes or by half a lane in level; `n_open` where that is known."""
     few = _thinned(evidence)
-    counts = range(1, MOST_OPEN + 1) if n_open is None else [n_open]
     tries = []
-    for k in counts:
-        for m in range(least_closed, len(LOG_CLOSED)):
-            costs = _Costs(few, k, m)
-            quick = [_em(few, costs, right=right, iterations=2) for right in _starts(few, k + m)]
-            tries += [(fit, costs) for fit in sorted(quick, key=_by_evidence)[:STARTS]]
+    for pattern in _patterns(n_open, least_closed):
+        costs = _Costs(few, pattern)
+        quick = [_em(few, costs, right=right, iterations=2) for right in _starts(few, pattern.n_lanes)]
+        tries += [(fit, costs) for fit in sorted(quick, key=_by_evidence)[:STARTS]]
     enough = max(fit.log_evidence for fit, _ in tries) - HOPELESS
     fits = [_em(few, costs, right=fit.right, iterations=ITERATIONS) for fit, costs in tries if fit.log_evidence > enough]
     kept: list[LaneHypothesis] = []
@@ -84,14 +105,24 @@ def likely_hypotheses(evidence: Evidence, *, n_open: int | None, least_closed: i
     return kept
 
 
+def _patterns(n_open: int | None, least_closed: int) -> list[LanePattern]:
+    """Patterns to be tried; those that look the same in the mirror only where `least_closed` is 0."""
+    patterns = []
+    for k in range(1, MOST_OPEN + 1) if n_open is None else [n_open]:
+        for m in range(least_closed, len(LOG_CLOSED)):
+            # Counted from the first closed lane; k open lanes to its right: all of them, or between them.
+            inner = range(1, k) if m and not least_closed and k + m <= MOST_OPEN else ()
+            patterns += [LanePattern(k + m, tuple(range(first, first + m))) for first in (k, *inner)]
+    return patterns
+
+
 def _same(fit: LaneHypothesis, other: LaneHypothesis) -> bool:
-    lanes = (fit.n_open, fit.n_closed) == (other.n_open, other.n_closed)
-    return lanes and abs(fit.right - other.right) < fit.width / 2
+    return fit.pattern == other.pattern and abs(fit.right - other.right) < fit.width / 2
 
 
 def fit_again(hypothesis: LaneHypothesis, evidence: Evidence) -> LaneHypothesis:
     """The hypothesis, with the closure where it was, fitted to other evidence; its own evidence stays."""
-    costs = _Costs(evidence, hypothesis.n_open, hypothesis.n_closed, pair=(hypothesis.closes, hypothesis.opens))
+    costs = _Costs(evidence, hypothesis.pattern, pair=(hypothesis.closes, hypothesis.opens))
     fit = _em(evidence, costs, right=hypothesis.right, iterations=ITERATIONS)
     return replace(fit, log_evidence=hypothesis.log_evidence)
 
@@ -117,16 +148,17 @@ def _thinned(evidence: Evidence) -> Evidence:
 class _Costs:
     """-log chances of each trace's lanes, for each first lane and each pair of places where the closure begins and ends."""
 
-    def __init__(self, evidence: Evidence, n_open: int, n_closed: int, *, pair: tuple[int, int] | None = None) -> None:
+    def __init__(self, evidence: Evidence, pattern: LanePattern, *, pair: tuple[int, int] | None = None) -> None:
         n_stations = evidence.lanes.shape[1]
-        self.n_open, self.n_closed = n_open, n_closed
-        lanes = evidence.lanes[:, None, :] + np.arange(n_open + n_closed)[:, None]  # (n, first lane, stations)
+        self.pattern = pattern
+        lanes = evidence.lanes[:, None, :] + np.arange(pattern.n_lanes)[:, None]  # (n, first lane, stations)
         self.lanes = lanes
-        beside = ((lanes < 0) | (lanes >= n_open + n_closed)).sum(axis=2)
-        beyond = lanes >= n_open
+        beside = ((lanes < 0) | (lanes >= pattern.n_lanes)).sum(axis=2)
+        # Beyond the outermost closed lane is as far from the open ones as in it.
+        beyond = np.isin(lanes, pattern.closed) | ((lanes >= pattern.n_lanes) & (not pattern.is_interior))
         self.pairs = np.array([pair or (0, 0)])
         self.log_prior = np.zeros(1)
-        if n_closed and pair is None:
+        if pattern.closed and pair is None:
             places = np.unique(np.linspace(1, n_stations, PLACES).astype(int))
             closes, opens = (side.ravel() for side in np.meshgrid(places[:-1], places, indexing="ij"))
             longer = opens > closes
@@ -137,7 +169,7 @@ class _Costs:
         driven = np.concatenate([np.zeros((*beyond.shape[:2], 1)), np.cumsum(beyond, axis=2)], axis=2)
         inside = driven[:, :, self.pairs[:, 1]] - driven[:, :, self.pairs[:, 0]]
         cost = np.minimum(STATION_COST * (inside + beside[:, :, None]), MOST_COST)
-        if n_closed:
+        if pattern.closed:
             # The last change out of a closed lane ahead of its end was no change at discretion.
             index = np.arange(n_stations)
             last = np.maximum.accumulate(np.where(beyond, index, -10_000), axis=2)[:, :, self.pairs[:, 0] - 1]
@@ -149,9 +181,9 @@ class _Costs:
 
 def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> LaneHypothesis:
     levels, weights, prior = evidence.levels, evidence.weights, evidence.width
-    n_lanes, n = costs.n_open + costs.n_closed, float(weights.sum())
+    n_lanes, n = costs.pattern.n_lanes, float(weights.sum())
     lane = np.arange(n_lanes)
-    counts = np.where(lane < costs.n_open, *SHARE_COUNTS)
+    counts = np.where(np.isin(lane, costs.pattern.closed), *SHARE_COUNTS[::-1])
     width, spread, shares = prior[0], FIRST_SPREAD_M, np.full(n_lanes, 1 / n_lanes)
     posterior = -np.inf
     for _ in range(iterations):
@@ -185,12 +217,10 @@ def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> 
     users = (first[:, :, None] * weights[:, None, None] * _ever(costs.lanes, n_lanes)).sum(axis=(0, 1))
     unused = users.min() < LEAST_USERS * min(1.0, n)
     return LaneHypothesis(
-        n_open=costs.n_open, n_closed=costs.n_closed, right=float(right), right_sd=float(np.sqrt(covariance[0, 0])),
+        pattern=costs.pattern, right=float(right), right_sd=float(np.sqrt(covariance[0, 0])),
         width=float(width), width_sd=float(np.sqrt(covariance[1, 1])), spread=spread, closes=int(closes), opens=int(opens),
         first=first,
-        log_evidence=-np.inf if unused and iterations > 2 else float(
-            posterior - penalty + LOG_FURTHER_LANE * (n_lanes - 1) + LOG_CLOSED[costs.n_closed]
-        ),
+        log_evidence=-np.inf if unused and iterations > 2 else posterior - penalty + costs.pattern.log_prior,
     )  # fmt: skip
 
 

@@ -19,15 +19,17 @@ HABIT_M = 0.25  # between drivers: 0.2 to 0.4 m in naturalistic studies
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneLevels:
-    """Lanes 0 (rightmost) .. n_lanes - 1 are open all along; lane k's centre: course + right + k width.
+    """Lanes 0 (rightmost) .. n_lanes - 1 are open all along, but for `interior` ones.
 
-    Lanes `closed` beside them, below 0 or from n_lanes on, are closed from station `closes` to `opens` (indices; as many as
-    there are stations where they do not open again). `lanes` (traces, stations) are the traces' lanes in this count.
-    `spread` [m] is the standard deviation of the traces' levels about their lanes: GNSS bias and driver habit together.
+    Lane k's centre is at course + right + k width. Lanes `closed` beside them, below 0 or from n_lanes on, and `interior` ones
+    among them are closed from station `closes` to `opens` (indices; as many as there are stations where they do not open
+    again). `lanes` (traces, stations) are the traces' lanes in this count. `spread` [m] is the standard deviation of the
+    traces' levels about their lanes: GNSS bias and driver habit together.
     """
 
     n_lanes: int
     closed: tuple[int, ...]
+    interior: tuple[int, ...]
     closes: int
     opens: int
     right: float
@@ -43,7 +45,8 @@ class LaneLevels:
     @property
     def core(self) -> int:
         """Index of the station in the middle of the closed stretch, or of all stations."""
-        return (self.closes + min(self.opens, self.lanes.shape[1])) // 2 if self.closed else self.lanes.shape[1] // 2
+        bounded = self.closed or self.interior
+        return (self.closes + min(self.opens, self.lanes.shape[1])) // 2 if bounded else self.lanes.shape[1] // 2
 
 
 def fit_lane_levels(
@@ -89,17 +92,18 @@ def _evidence(path: CommonPath, weights: FloatArray, outer: tuple[float, float],
 
 def _levels(path: CommonPath, fit: LaneHypothesis, outer: tuple[float, float], *, side: int) -> LaneLevels:
     first = fit.first.argmax(axis=1)
-    k, right = fit.n_open, fit.right
+    pattern, right = fit.pattern, fit.right
+    k = pattern.n_lanes if pattern.is_interior else pattern.n_open
     if side < 0:
         first, right = k - 1 - first, -(fit.right + (k - 1) * fit.width)
-    closed = tuple(range(k, k + fit.n_closed)) if side > 0 else tuple(range(-fit.n_closed, 0))
+    beside = () if pattern.is_interior else pattern.closed if side > 0 else tuple(range(-len(pattern.closed), 0))
     return LaneLevels(
-        n_lanes=k, closed=closed, closes=fit.closes, opens=fit.opens, right=right, right_sd=_right_sd(fit, side=side),
-        width=fit.width, width_sd=fit.width_sd, outer_width=outer[0], outer_width_sd=outer[1], spread=fit.spread,
-        lanes=first[:, None] + path.lanes, hypothesis=fit,
+        n_lanes=k, closed=beside, interior=pattern.closed if pattern.is_interior else (), closes=fit.closes, opens=fit.opens,
+        right=right, right_sd=_right_sd(fit, side=side), width=fit.width, width_sd=fit.width_sd, outer_width=outer[0],
+        outer_width_sd=outer[1], spread=fit.spread, lanes=first[:, None] + path.lanes, hypothesis=fit,
     )  # fmt: skip
 
 
 def _right_sd(fit: LaneHypothesis, *, side: int) -> float:
     """Standard deviation [m] of the rightmost open lane's level; in the mirror that of the leftmost one."""
-    return fit.right_sd if side > 0 else float(np.hypot(fit.right_sd, (fit.n_open - 1) * fit.width_sd))
+    return fit.right_sd if side > 0 else float(np.hypot(fit.right_sd, (fit.pattern.n_open - 1) * fit.width_sd))

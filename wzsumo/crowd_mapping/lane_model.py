@@ -13,6 +13,7 @@ from wzsumo.crowd_mapping.common_path import CommonPath, extend, fit_common_path
 from wzsumo.crowd_mapping.kinks import Shift, find_shifts
 from wzsumo.crowd_mapping.lane_changes import relative_lanes
 from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels, refresh
+from wzsumo.crowd_mapping.lane_use import LaneUse, fit_lane_use
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.station_table import StationTable, tabulate
 from wzsumo.crowd_mapping.taper_line import TaperLine, fit_taper_line, merging_taper_m
@@ -57,6 +58,7 @@ class LaneStructure:
     shifts: tuple[Shift, ...]
     closing: dict[int, TaperLine]  # by lane as counted in `levels`: where it ends
     opening: dict[int, TaperLine]  # where it begins again, stations counted against the direction of travel
+    use: LaneUse  # of the lanes that go through
     chance: float  # that the lanes are these
     alternatives: tuple["LaneStructure", ...]  # other lanes that the same traces may have driven in, less likely
 
@@ -112,7 +114,7 @@ def _updated(model: LaneStructure, table: StationTable, weights: FloatArray, pat
     alternatives = tuple(_updated(other, table, weights, path) for other in model.alternatives)
     return replace(
         model, table=table, weights=weights, path=path, levels=levels, closing=closing, opening=opening,
-        alternatives=alternatives,
+        use=_use(model.spec, table, weights, levels), alternatives=alternatives,
     )  # fmt: skip
 
 
@@ -149,10 +151,14 @@ def _model(
         closing, opening = _tapers(spec, table, weights, levels, shifts=shifts, speed_mps=speed_mps)
         model = LaneStructure(
             spec=spec, axis=axis, table=table, weights=weights, speed_mps=speed_mps, path=path, levels=levels, shifts=shifts,
-            closing=closing, opening=opening, chance=chance, alternatives=(),
+            closing=closing, opening=opening, use=_use(spec, table, weights, levels), chance=chance, alternatives=(),
         )  # fmt: skip
         models.append(model)
     return replace(models[0], alternatives=tuple(models[1:]))
+
+
+def _use(spec: LaneStructureSpec, table: StationTable, weights: FloatArray, levels: LaneLevels) -> LaneUse:
+    return fit_lane_use(table, weights, levels, half_vehicle_m=spec.vehicle_width_m / 2)
 
 
 def _tapers(
