@@ -3,8 +3,10 @@
 
 python analysis/benchmarks/sweep.py                                   two simulations, 200 cases
 python analysis/benchmarks/sweep.py --simulations 10 --cases 2000     the bar: at most 1.5 times the floor, 10,000 cases an hour
+python analysis/benchmarks/sweep.py --simulations 10 --cases 500 --workers 1 2    the second worker's worth: 1.8 on idle cores
 
-All times are processor time (user + system, programs that are started included): the load of the machine does not count.
+Times are processor time (user + system, programs that are started included), for which the load of the machine does not
+count, but for the speed-up, which is of wall-clock times.
 """
 
 import argparse
@@ -50,7 +52,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--simulations", type=int, default=2)
     parser.add_argument("--cases", type=int, default=200, help="a multiple of 50 times the simulations")
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--workers", type=int, nargs="+", default=[2])
     parser.add_argument("--method", default="swept")
     args = parser.parse_args()
     intervals = [0.1, 0.5, 1.0, 2.0, 3.0][: max(1, args.cases // args.simulations // 50)]
@@ -60,16 +62,25 @@ def main() -> None:
         file.write_text(STUDY.format(scenario=SCENARIO, method=method, simulations=simulations, intervals=intervals))
         study = load_study(file)
         size = f"{len(study.cases)} cases on {len(study.simulations)} simulations"
-        print(f"{size}, {args.workers} workers, load {os.getloadavg()[0]:.1f}", flush=True)
+        print(f"{size}, method {method}, load {os.getloadavg()[0]:.1f}", flush=True)
         bare_s, kernel_s = bare_sumo_s(study), kernels_s(study)
         floor_s = bare_s * len(study.simulations) + kernel_s * len(study.cases)
-        sweep_s, wall_s, memory_mb = swept(file, Path(folder) / "out", workers=args.workers)
-    print(f"bare SUMO run                    {bare_s:8.2f} s")
-    print(f"kernels: mixture, map, plan      {kernel_s:8.3f} s a case (mean of {SAMPLE})")
-    print(f"floor                            {floor_s:8.1f} s")
-    print(f"sweep                            {sweep_s:8.1f} s = {sweep_s / floor_s:.2f} x the floor")
-    print(f"cases an hour on two free cores  {2 * 3600 * len(study.cases) / sweep_s:8.0f} (wall clock here: {wall_s:.0f} s)")
-    print(f"workers' memory along the sweep  {' '.join(f'{mb:.0f}' for mb in memory_mb)} MB")
+        print(f"bare SUMO run                    {bare_s:8.2f} s")
+        print(f"kernels: mixture, map, plan      {kernel_s:8.3f} s a case (mean of {SAMPLE})")
+        print(f"floor                            {floor_s:8.1f} s", flush=True)
+        walls_s = [report_sweep(file, Path(folder) / f"out_{n}", workers=n, floor_s=floor_s) for n in args.workers]
+    for n, wall_s in zip(args.workers[1:], walls_s[1:], strict=True):
+        print(f"{n} workers against {args.workers[0]}: {walls_s[0] / wall_s:.2f} x as fast")
+
+
+def report_sweep(study: Path, out: Path, *, workers: int, floor_s: float) -> float:
+    """Wall-clock time [s] of a sweep, whose cost is printed."""
+    sweep_s, wall_s, memory_mb = swept(study, out, workers=workers)
+    n_cases = len(load_study(study).cases)
+    print(f"sweep, {workers} workers                 {sweep_s:8.1f} s = {sweep_s / floor_s:.2f} x the floor")
+    print(f"cases an hour                    {3600 * n_cases / wall_s:8.0f} (wall clock {wall_s:.0f} s)")
+    print(f"workers' memory along the sweep  {' '.join(f'{mb:.0f}' for mb in memory_mb)} MB", flush=True)
+    return wall_s
 
 
 def bare_sumo_s(study: Study) -> float:
