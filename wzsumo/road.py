@@ -12,11 +12,11 @@ from typing import Literal, Self
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, model_validator
-from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray, arc_length, wrap_angle
+from wzsumo.road_projection import MitredLine, mitred_line, project
 from wzsumo.spec import Spec
 from wzsumo.units import METRES_PER_FOOT
 
@@ -115,20 +115,9 @@ class Road:
 
     def to_sd(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Stations and lateral offsets [m] of world points (n, 2): the exact inverse of `to_xy` on and beside the pavement."""
-        xy = np.asarray(points, dtype=float).reshape(-1, 2)
-        segment = np.clip(self._tree.query(xy)[1], 0, len(self.stations) - 2)
-        share = self._share_along(xy, segment)
-        for _ in range(len(self.stations)):
-            step = np.where(share >= 1, 1, np.where(share < 0, -1, 0))
-            moved = np.clip(segment + step, 0, len(self.stations) - 2)
-            if (moved == segment).all():
-                break
-            moved_share = self._share_along(xy, moved)
-            # In the outer wedge of a bend neither neighbour holds the point: the one it overshoots least keeps it.
-            torn = (step > 0) & (moved_share < 0) | (step < 0) & (moved_share >= 1)
-            segment, share = np.where(torn, segment, moved), np.where(torn, np.clip(share, 0, 1), moved_share)
-        offset = np.einsum("ij,ij->i", xy - self.reference_line[segment], self._segment_normals[segment])
-        return self.stations[segment] + share * self._segment_lengths[segment], offset + self._middle
+        xy = np.ascontiguousarray(points, dtype=float).reshape(-1, 2)
+        station, offset = project(xy, self._mitred_line)
+        return station, offset + self._middle
 
     def heading_at(self, s: npt.ArrayLike) -> FloatArray:
         """Headings [rad] of the reference line at stations s [m], interpolated between the middles of its segments."""
@@ -148,8 +137,8 @@ class Road:
         return self.travelled_width / 2
 
     @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self.reference_line)
+    def _mitred_line(self) -> MitredLine:
+        return mitred_line(self.reference_line, self._normals)
 
     @cached_property
     def _segment_lengths(self) -> FloatArray:
@@ -170,15 +159,6 @@ class Road:
         inner = self._segment_normals[:-1] + self._segment_normals[1:]
         inner = inner * (2 / np.einsum("ij,ij->i", inner, inner))[:, None]
         return np.vstack([ends[:1], inner, ends[1:]])
-
-    def _share_along(self, xy: FloatArray, segment: npt.NDArray[np.intp]) -> FloatArray:
-        length = self._segment_lengths[segment]
-        tangent = np.column_stack([np.cos(self._segment_headings[segment]), np.sin(self._segment_headings[segment])])
-        local = xy - self.reference_line[segment]
-        offset = np.einsum("ij,ij->i", local, self._segment_normals[segment])
-        start = offset * np.einsum("ij,ij->i", self._normals[segment], tangent)
-        end = length + offset * np.einsum("ij,ij->i", self._normals[segment + 1], tangent)
-        return np.asarray((np.einsum("ij,ij->i", local, tangent) - start) / (end - start))
 
 
 class Bend(Spec):

@@ -80,6 +80,14 @@ def test_cells_inside_an_area_match_a_point_in_polygon_test_of_every_centre():
     assert (cells_inside(grid, area) == np.array(every)).all()
 
 
+@given(corners=st.lists(st.tuples(st.floats(-8, 12), st.floats(-8, 12)), min_size=3, max_size=20), hole=st.floats(0.1, 4))
+def test_cells_inside_match_shapely_for_any_polygons_with_holes_that_reach_beyond_the_map(corners, hole):
+    grid = blank_grid((-3, -2, 5, 4), resolution=0.3, p_occupied=0)
+    area = shapely.MultiPoint(corners).buffer(1.3).difference(shapely.Point(1.01, 1.02).buffer(hole))
+    centres = grid.centre_of(*np.indices(grid.shape))
+    assert (cells_inside(grid, area) == shapely.contains_xy(area, centres[..., 0], centres[..., 1])).all()
+
+
 @pytest.mark.parametrize("area", [shapely.Polygon(), shapely.box(100, 100, 110, 110)])
 def test_no_cell_is_inside_an_area_that_is_empty_or_off_the_map(area):
     assert not cells_inside(blank_grid((0, 0, 5, 4), resolution=0.5, p_occupied=0), area).any()

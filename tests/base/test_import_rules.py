@@ -11,7 +11,7 @@ import wzsumo
 
 PACKAGE = Path(wzsumo.__file__).parent
 BASE = {"cloud", "rigid", "errors", "output", "units", "frames", "tables", "spec"}
-NOUNS = {"capacity", "scan", "traces_file", "road", "work_zone", "vehicle", "grid", "path", "ego"}
+NOUNS = {"capacity", "scan", "traces_file", "road", "road_projection", "work_zone", "vehicle", "grid", "path", "ego"}
 ENTRY = {"cli", "__main__"}
 STAGES = {folder.name for folder in PACKAGE.iterdir() if (folder / "__init__.py").exists()} - {"study"}
 SUMO_PACKAGES = {"libsumo", "traci", "sumo", "sumolib"}

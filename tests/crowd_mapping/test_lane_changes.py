@@ -44,7 +44,7 @@ def test_changes_are_found_whatever_the_bias(changes, bias):
     np.testing.assert_array_equal(np.rint(found[0][[0, -1]]), np.rint(lanes[[0, -1]]))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 1000), at=st.integers(3, 20), side=st.sampled_from([-1, 0, 1]))
 def test_cost_is_that_of_the_lanes_found_and_hardly_above_the_best_of_all_single_changes(seed, at, side):
     n = 30

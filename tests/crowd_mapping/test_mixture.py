@@ -88,7 +88,7 @@ def test_fit_stopped_at_max_iterations_says_so_and_equals_scikit_learn():
     np.testing.assert_allclose(ours.means, expected.means_, atol=1e-8, rtol=0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), k=st.integers(1, 6), n=st.integers(20, 400), turn=st.floats(0, np.pi))
 def test_one_em_pass_equals_textbook_twin(seed, k, n, turn):
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])

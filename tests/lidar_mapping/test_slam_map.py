@@ -158,7 +158,7 @@ def test_vehicle_that_was_there_in_one_scan_leaves_its_mark_in_all_maps_but_the_
     assert cell(maps.barrier, 30.05, -4.95) == pytest.approx(1 / (1 + np.exp(2.0)), rel=1e-5)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), n=st.integers(2, 40))
 def test_devices_along_a_line_are_joined_in_their_order(seed, n):
     rng = np.random.default_rng(seed)

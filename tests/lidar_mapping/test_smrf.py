@@ -75,7 +75,7 @@ def test_opening_by_disk_equals_scipy_with_padded_borders(radius, shape):
     np.testing.assert_array_equal(open_by_disk(surface, radius=radius), slow_opening(surface, radius))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), share=st.floats(0.05, 0.97), rows=st.integers(1, 25), cols=st.integers(2, 25))
 def test_filled_holes_equal_direct_solution_of_membrane(seed, share, rows, cols):
     rng = np.random.default_rng(seed)

@@ -58,7 +58,7 @@ drivers = st.lists(
 )  # fmt: skip
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(drivers)
 def test_fleet_conflicts_equal_the_pairwise_twin(cars):
     traces = pd.concat(

@@ -24,7 +24,7 @@ def test_uniform_stream_has_the_flow_density_and_speed_of_its_headway():
     assert grid.speed[2:4] == pytest.approx(np.full((2, 2), 25))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.tuples(st.floats(0, 95), st.floats(0, 399), st.floats(0, 40)), min_size=1, max_size=40))
 def test_cells_hold_what_a_loop_over_the_fixes_counts(fixes):
     t, s, v = (np.array(column) for column in zip(*fixes, strict=True))

@@ -18,7 +18,7 @@ def slow_distance_field(blocked, resolution, limit_m):
     return np.minimum(np.hypot(d_row, d_col).min(axis=-1) * resolution, limit_m)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 10_000), rows=st.integers(1, 25), cols=st.integers(1, 25), share=st.sampled_from([0.0, 0.02, 0.3, 1.0])
 )

@@ -35,7 +35,7 @@ def distances(points, lines):
     return np.hypot(*np.moveaxis(offset - share[..., None] * along, -1, 0)).min(axis=-1)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(ends=st.lists(st.tuples(coordinate, coordinate, coordinate, coordinate), min_size=1, max_size=4))
 def test_off_guide_equals_the_distance_of_cell_centres_from_the_lines(ends):
     grid = OccupancyGrid(p_occupied=np.zeros((40, 40), dtype=np.float32), resolution=0.25, origin=(0.0, 0.0))
