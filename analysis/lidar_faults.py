@@ -1,25 +1,27 @@
-"""What missing, tilted and lying devices, and poor detection, do to the strongest LiDAR map.
+"""What missing, tilted, lying and sparse devices, poor detection and fog do to the strongest LiDAR map, and to the drive on it.
 
-    python analysis/lidar_faults.py [--scenario scenarios/paper.toml] [--seeds 21] [--out results/lidar_faults.csv]
-                                    [--rate-hz 10] [--azimuth-count 1800]
+    python analysis/lidar_faults.py [--seeds 61 62 63] [--out results/lidar_faults]
 
-One SUMO fleet a seed, one mapping drive a fault. Rows are written as they come; what is there already is not run again.
+One SUMO fleet a seed; for each fault one mapping drive, one plan on map (c), one drive along it through the traffic. Rows are
+written as they come, and what is there already is not run again; table.md and figure.png lie beside them.
 """
 
 import argparse
+import sys
 import tempfile
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
+from wzsumo.ego import Outcome
 from wzsumo.lidar_mapping import slam_map
-from wzsumo.metrics.map_quality import quality_of_cells
 from wzsumo.sensing import raycast
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
+from wzsumo.study.assessment import assess
 from wzsumo.study.baselines import map_baselines
-from wzsumo.study.case import plan_for, quiet_progress
+from wzsumo.study.case import drive_plan, plan_for, quiet_progress
 from wzsumo.study.goals import goal_figures
 from wzsumo.study.guides import nominal_guide
 from wzsumo.study.scenario import load_scenario
@@ -30,6 +32,7 @@ FAULTS = {
     "none": {},
     "10 % missing": {"missing_share": 0.1},
     "30 % missing": {"missing_share": 0.3},
+    "every second one missing": {"set_up_every": 2},
     "30 % lying": {"lying_share": 0.3},
     "30 % tilted by 20 degrees": {"tilted_share": 0.3},
     "10 % missing, 10 % lying, 10 % tilted": {"missing_share": 0.1, "lying_share": 0.1, "tilted_share": 0.1},
@@ -38,81 +41,127 @@ FAULTS = {
     "fog, visibility 100 m": {"visibility_m": 100.0},
 }
 METHOD = "slam_barrier"
+# Okabe and Ito 2008, "Color universal design"; what is not named did not happen in the zones looked at.
+MARKS = {
+    Outcome.REACHED_GOAL: ("#009E73", "o"),
+    Outcome.ENTERED_CLOSED_AREA: ("#D55E00", "s"),
+    Outcome.STRUCK_DEVICE: ("#CC79A7", "D"),
+    Outcome.COLLIDED: ("#E69F00", "v"),
+    Outcome.LEFT_PAVEMENT: ("#56B4E9", "^"),
+    Outcome.TIMED_OUT: ("#0072B2", "P"),
+    Outcome.NO_PATH: ("#000000", "X"),
+}
+PANELS = {
+    "mapped_share": "devices in the map,\nshare of those laid out",
+    "iou": "IoU of the map",
+    "planned_closed_share": "share of the planned path\nin the closed area",
+}
 
 
-def spec_with(fault, *, sensor, seed):
-    """The default mapping drive with one fault, which devices it strikes drawn from the seed."""
+def spec_with(fault, *, seed):
+    """The default mapping drive with one fault; the seed draws which devices it strikes."""
     seeing = {key: value for key, value in fault.items() if key in {"detected_share", "visibility_m"}}
     devices = {key: value for key, value in fault.items() if key not in seeing}
-    return SlamSpec.model_validate({"scene": {"faults": devices | {"seed": seed}}, "lidar": sensor | seeing})
+    return SlamSpec.model_validate({"scene": {"faults": devices | {"seed": seed}}, "lidar": seeing})
 
 
-def simulated(scenario, site):
-    with tempfile.TemporaryDirectory() as folder:
-        files = write_sumo_files(site.layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
-        return simulate_fleet(files, on_second=lambda _: None)
-
-
-def row_of(name, scenario, site, fleet, *, sensor):
-    case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], sensor=sensor, seed=scenario.seed)})
+def row_of(name, scenario, site, files, fleet):
+    case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], seed=scenario.seed)})
     baselines = map_baselines([METHOD], fleet, scenario=case, site=site, progress=quiet_progress)
     grid = baselines.maps[METHOD]
     plan = plan_for(METHOD, grid, scenario=scenario, site=site, guide=nominal_guide(site))
     goal = goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)
-    quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
+    run = drive_plan(plan, METHOD, scenario=scenario, site=site, files=files, progress=quiet_progress)
+    figures = assess(grid, plan, run, crowd=None, scenario=scenario, site=site)
     return {
         "fault": name,
         "seed": scenario.seed,
         "n_devices": len(site.layout.devices),
         "n_mapped": baselines.slam["n_devices_mapped"],
         "n_links": baselines.slam["n_links"],
+        "mapped_share": baselines.slam["n_devices_mapped"] / len(site.layout.devices),
         "ate_m": baselines.slam["ate_m"],
-        "iou": quality.iou,
+        "precision": figures["precision"],
+        "recall": figures["recall"],
+        "iou": figures["iou"],
         "planned_outcome": goal["planned_outcome"],
-        "closed_area_share": goal["closed_area_share"],
-        "n_devices_struck": goal["n_devices_struck"],
+        "planned_closed_share": goal["closed_area_share"],
+        "driven_outcome": figures["outcome"],
+        "reason": figures["reason"],
     }
+
+
+def run_seed(seed, given, done):
+    left = [name for name in FAULTS if not ((done["fault"] == name) & (done["seed"] == seed)).any()]
+    if not left:
+        return
+    scenario = load_scenario(given.scenario, seed=seed)
+    site = prepare_site(scenario)
+    with tempfile.TemporaryDirectory() as folder:
+        files = write_sumo_files(site.layout, Path(folder), spec=scenario.simulation, seed=seed)
+        fleet = simulate_fleet(files, on_second=lambda _: None)
+        for name in left:
+            row, path = row_of(name, scenario, site, files, fleet), given.out / "rows.csv"
+            pd.DataFrame([row]).to_csv(path, mode="a", header=not path.exists(), index=False)
+            print(f"seed {seed}, {name}: {row['driven_outcome']}", file=sys.stderr)
+
+
+def table_of(rows):
+    """Markdown: means over the seeds, and how many of the plans and drives went well."""
+    lines = ["| fault | n | devices found | IoU | path in the closed area | plan touches nothing | drive reached the goal |"]
+    lines.append("|---|---|---|---|---|---|---|")
+    for name in FAULTS:
+        these = rows[rows["fault"] == name]
+        if these.empty:
+            continue
+        n, share = len(these), these["planned_closed_share"].dropna()
+        lines.append(
+            f"| {name} | {n} | {these['n_mapped'].mean():.0f} of {these['n_devices'].mean():.0f} "
+            f"| {these['iou'].mean():.3f} [{these['iou'].min():.3f}, {these['iou'].max():.3f}] "
+            f"| {f'{100 * share.mean():.0f} %' if len(share) else '-'} "
+            f"| {(these['planned_outcome'] == Outcome.REACHED_GOAL).sum()} of {n} "
+            f"| {(these['driven_outcome'] == Outcome.REACHED_GOAL).sum()} of {n} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def draw(rows):
+    """A dot a seed, by fault and by how the drive ended."""
+    figure = Figure(figsize=(10.5, 4.6), dpi=150, layout="constrained")
+    panels = figure.subplots(1, len(PANELS), sharey=True)
+    place = {name: -number for number, name in enumerate(FAULTS)}
+    for axes, (column, label) in zip(panels, PANELS.items(), strict=True):
+        for outcome, (colour, marker) in MARKS.items():
+            these = rows[rows["driven_outcome"] == outcome]
+            spread = 0.18 * (these["seed"].rank(method="dense") - 2)  # seeds that say the same stay apart
+            style = {"color": colour, "marker": marker, "s": 26, "label": outcome.replace("_", " ").lower(), "zorder": 3}
+            if len(these):
+                axes.scatter(these[column].fillna(0.0), these["fault"].map(place) + spread, **style)
+        axes.set(xlabel=label, xlim=(-0.03, 1.08), yticks=list(place.values()), yticklabels=list(place))
+        axes.grid(axis="x", color="#DDDDDD")
+    labelled = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+    title = f"drive on map (c), n = {rows['seed'].nunique()} seeds:"
+    figure.legend(labelled.values(), labelled, title=title, loc="outside upper center", ncols=6, frameon=False, fontsize=9)
+    return figure
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenario", type=Path, default=Path("scenarios/paper.toml"))
-    parser.add_argument("--seeds", type=int, nargs="+", default=[21])
-    parser.add_argument("--out", type=Path, default=Path("results/lidar_faults.csv"))
-    parser.add_argument("--rate-hz", type=float, default=10.0)
-    parser.add_argument("--azimuth-count", type=int, default=1800)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[61, 62, 63])
+    parser.add_argument("--out", type=Path, default=Path("results/lidar_faults"))
     given = parser.parse_args()
-    sensor = {"rate_hz": given.rate_hz, "azimuth_count": given.azimuth_count}
     slam_map.compile_kernels()
     raycast.compile_kernels()
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    done = pd.read_csv(given.out) if given.out.exists() else pd.DataFrame(columns=["fault", "seed"])
+    given.out.mkdir(parents=True, exist_ok=True)
+    kept = given.out / "rows.csv"
+    done = pd.read_csv(kept) if kept.exists() else pd.DataFrame(columns=["fault", "seed"])
     for seed in given.seeds:
-        left = [name for name in FAULTS if not ((done["fault"] == name) & (done["seed"] == seed)).any()]
-        if not left:
-            continue
-        scenario = load_scenario(given.scenario, seed=seed)
-        site = prepare_site(scenario)
-        fleet = simulated(scenario, site)
-        for name in left:
-            row = pd.DataFrame([row_of(name, scenario, site, fleet, sensor=sensor)])
-            row.to_csv(given.out, mode="a", header=not given.out.exists(), index=False)
-    print_table(pd.read_csv(given.out))
-
-
-def print_table(rows):
-    print("| fault | n | devices mapped | IoU | planned path: in the closed area | touched nothing |")
-    print("|---|---|---|---|---|---|")
-    for name in FAULTS:
-        these = rows[rows["fault"] == name]
-        if these.empty:
-            continue
-        arrived = (these["planned_outcome"] == "REACHED_GOAL").sum()
-        n, mapped = len(these), f"{these['n_mapped'].mean():.0f} of {these['n_devices'].mean():.0f}"
-        share = (
-            np.nanmean(these["closed_area_share"].to_numpy(dtype=float)) if these["closed_area_share"].notna().any() else np.nan
-        )
-        print(f"| {name} | {n} | {mapped} | {these['iou'].mean():.3f} | {100 * share:.0f} % | {arrived} of {n} |")
+        run_seed(seed, given, done)
+    rows = pd.read_csv(kept)
+    (given.out / "table.md").write_text(table_of(rows))
+    draw(rows).savefig(given.out / "figure.png")
+    print(table_of(rows))
 
 
 if __name__ == "__main__":

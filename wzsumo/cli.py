@@ -121,7 +121,7 @@ def _parser() -> argparse.ArgumentParser:
         if name == "run":
             sub.add_argument("--case", metavar="NAME", help="a case of a sweep, whose folder then stands for SCENARIO.toml")
             sub.add_argument("--seed", type=_seed, help="instead of the scenario's own")
-            sub.add_argument("--method", nargs="+", metavar="NAME", help=_METHODS)
+            sub.add_argument("--method", nargs="+", action="extend", metavar="NAME", help=_METHODS)
     sub = command("capacity", "what the zone can carry by the Highway Capacity Manual, 7th edition")
     sub.add_argument("scenario", type=Path, metavar="SCENARIO.toml")
     sub = command("map", "make a ROS map (map.pgm, map.yaml) from anybody's traces", _TRACES)

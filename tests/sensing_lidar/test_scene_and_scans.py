@@ -93,6 +93,12 @@ def test_faulty_devices_are_missing_lying_and_tilted_in_their_shares():
     assert len(scene.kinds) == len(scene.frusta) == (scene.device_id > 0).sum()
 
 
+def test_of_a_sparse_set_up_every_nth_device_stands():
+    spec = SceneSpec(ground=SMOOTH, faults=DeviceFaults(set_up_every=3), pole_spacing_m=0)
+    there = road_scene(straight_road(), cone_line(10), spec, seed=1).device_id > 0
+    assert there.tolist() == [True, False, False] * 3 + [True]
+
+
 @pytest.mark.parametrize("fault", [{}, {"lying_share": 1.0}, {"tilted_share": 1.0, "tilt_deg": 30}])
 def test_every_device_touches_level_ground_without_sinking_in(fault):
     level = GroundSpec(grade_pct=0, cross_slope_pct=0, road_roughness_m=0, verge_roughness_m=0)

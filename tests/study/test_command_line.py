@@ -161,6 +161,12 @@ def test_plan_command_without_a_way_says_why_and_exits_with_0(tmp_path, capsys):
     assert not (tmp_path / "path.csv").exists()
 
 
+def test_methods_given_one_option_each_are_all_taken(tmp_path, capsys):
+    code, _, err = run(capsys, "run", PAPER, "--out", tmp_path / "out", "--method", "nonsense", "--method", "swept")
+    assert code == 2
+    assert "method nonsense: unknown" in err  # the last --method alone would have run
+
+
 def test_more_traces_than_the_fleet_gives_are_refused_and_nothing_is_written(tmp_path, capsys):
     spec = paper_with(tmp_path, duration_s="duration_s = 150", penetration="penetration = 0.01")
     code, _, err = run(capsys, "run", spec, "--out", tmp_path / "out", "--method", "swept")

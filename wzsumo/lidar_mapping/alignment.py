@@ -112,7 +112,7 @@ def _normal_equations(fitted: list[tuple[Matcher, Patches]], pose: FloatArray) -
     return information, gradient, largest
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _accumulate(
     features: FloatArray, rotation: FloatArray, projector: FloatArray, offset: FloatArray, weight: FloatArray,
     information: FloatArray, gradient: FloatArray,

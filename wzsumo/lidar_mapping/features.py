@@ -107,7 +107,7 @@ def compile_kernels() -> None:
     take_out_motion(scan, np.tile(np.eye(4), (20, 1, 1)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _move(points: FloatArray, column: npt.NDArray[np.int32], motion: FloatArray, moved: FloatArray) -> None:
     for i in range(len(points)):
         m = motion[column[i]]
@@ -115,7 +115,7 @@ def _move(points: FloatArray, column: npt.NDArray[np.int32], motion: FloatArray,
             moved[i, a] = m[a, 0] * points[i, 0] + m[a, 1] * points[i, 1] + m[a, 2] * points[i, 2] + m[a, 3]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _classify(
     points: FloatArray, image: npt.NDArray[np.int64], standing: BoolArray, numbers: npt.NDArray[np.int64],
     limits: FloatArray, kind: npt.NDArray[np.int64], place: FloatArray,
@@ -143,7 +143,7 @@ def _classify(
             _mark_planars(line[first:last], curvature[first:last], numbers[2], limits[1], kind)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _curvature(
     points: FloatArray, line: npt.NDArray[np.int64], at: npt.NDArray[np.int64], reach: FloatArray, nearest: float
 ) -> FloatArray:
@@ -172,7 +172,7 @@ def _curvature(
     return curvature
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _mark_posts(
     points: FloatArray, line: npt.NDArray[np.int64], at: npt.NDArray[np.int64], reach: FloatArray, standing: BoolArray,
     limits: FloatArray, kind: npt.NDArray[np.int64], place: FloatArray,
@@ -204,7 +204,7 @@ def _mark_posts(
         first = k
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _mark_edges(
     line: npt.NDArray[np.int64], curvature: FloatArray, standing: BoolArray, count: int, limit: float,
     kind: npt.NDArray[np.int64],
@@ -221,7 +221,7 @@ def _mark_edges(
         kind[line[sharpest]] = EDGE
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _mark_planars(
     line: npt.NDArray[np.int64], curvature: FloatArray, count: int, limit: float, kind: npt.NDArray[np.int64]
 ) -> None:

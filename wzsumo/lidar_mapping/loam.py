@@ -168,7 +168,7 @@ def _motion_of_columns(scan: LidarScan, readings: MotionReadings, prior: Prior) 
 
 def _standing(scan: LidarScan, cloud: FloatArray, prior: Prior, spec: LoamSpec) -> BoolArray:
     """Which points (n,) stand above the ground; far ones count as ground."""
-    near = scan.range_m < spec.max_range_m
+    near = np.einsum("ni,ni->n", scan.points, scan.points) < spec.max_range_m**2
     standing = np.zeros(len(cloud), dtype=bool)
     if near.any():
         # Level axes, as SMRF needs them: the car's own roll and pitch would add to every slope.
@@ -229,7 +229,7 @@ def _weighed(prior: Prior, fit: Fit, spec: LoamSpec) -> tuple[Prior, ScanState, 
 
 def without_clouds(posed: PosedScan) -> PosedScan:
     """The same pose without its points, for logs of long drives."""
-    return replace(posed, cloud=posed.cloud[:0], standing=posed.standing[:0])
+    return replace(posed, cloud=np.empty((0, 3)), standing=np.empty(0, dtype=bool))  # a slice would keep the whole cloud alive
 
 
 def trajectory_error_m(estimated: FloatArray, truth: FloatArray) -> FloatArray:

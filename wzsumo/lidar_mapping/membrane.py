@@ -59,7 +59,7 @@ def _guess(filled: FloatArray) -> None:
     filled[:] = np.where(weights > 0, filled, fine)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _assemble(filled: FloatArray, hole: BoolArray) -> tuple[IndexArray, FloatArray, FloatArray]:
     """The equations of n hole cells, in row order: degree * u - sum of u over `springs` = right side.
 
@@ -91,7 +91,7 @@ def _assemble(filled: FloatArray, hole: BoolArray) -> tuple[IndexArray, FloatArr
     return springs, degree, right_side
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _factor(springs: IndexArray, degree: FloatArray) -> FloatArray:
     """Inverse diagonal (n + 1,) of the modified incomplete Cholesky factor; its other entries are -pivot."""
     n = len(springs)
@@ -108,7 +108,7 @@ def _factor(springs: IndexArray, degree: FloatArray) -> FloatArray:
     return pivot
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _conjugate_gradients(
     springs: IndexArray, degree: FloatArray, right_side: FloatArray, guess: FloatArray, stop: FloatArray
 ) -> FloatArray:
@@ -146,7 +146,7 @@ def _conjugate_gradients(
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _multiplied(springs: IndexArray, degree: FloatArray, u: FloatArray) -> FloatArray:
     image = np.zeros(u.size)
     for i in range(len(springs)):

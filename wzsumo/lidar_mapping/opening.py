@@ -18,7 +18,7 @@ def open_by_disk(surface: FloatArray, *, radius: int) -> FloatArray:
     return np.asarray(-_erode(-eroded, chords))  # dilation is the erosion of the negative
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _erode(surface: FloatArray, chords: npt.NDArray[np.int64]) -> FloatArray:
     """Minimum over the disk whose row at distance dy reaches chords[dy] cells to either side.
 

@@ -14,6 +14,8 @@ FEWEST = 5
 FLATNESS = 0.1  # smallest over middle eigenvalue of a plane, at most
 SPREAD = 0.04  # middle over largest eigenvalue of a plane, at least: points of one scan line span no plane
 SLENDERNESS = 3.0  # largest over middle eigenvalue of a line, at least: LOAM's own test
+_STEPS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+AROUND = _STEPS[np.argsort(np.abs(_STEPS).sum(axis=1), kind="stable")]  # a cube and those around it, the nearest first
 
 
 class Shape(IntEnum):
@@ -78,7 +80,7 @@ def _levelled(features: FloatArray, centre: FloatArray, normals: FloatArray) -> 
     return features - gap[:, None] * common, np.broadcast_to(common, normals.shape)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _fit(
     features: FloatArray, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, size: FloatArray,
     centre: FloatArray, axis: FloatArray, dimension: IntArray, cube: IntArray,
@@ -87,8 +89,8 @@ def _fit(
 
     `size` = the map's cube [m], radius of the search [m], Shape.
     """
+    near = np.empty((NEIGHBOURS, 3))
     for i in range(len(features)):
-        near = np.empty((NEIGHBOURS, 3))
         found, nearest_slot = _nearest(features[i], keys, slots, counts, stored, size, near)
         if found < FEWEST:
             continue
@@ -110,48 +112,56 @@ def _fit(
         cube[i] = nearest_slot
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _nearest(
     feature: FloatArray, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, size: FloatArray,
     near: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
-    """(count of the nearest map points written to `near`, slot of the cube that holds the very nearest)."""
+    """(count of the nearest map points written to `near`, slot of the cube that holds the very nearest).
+
+    The feature's own cube comes first; of those around it only the ones that reach nearer than what is found already.
+    """
     apart = np.empty(NEIGHBOURS)
     found, home = 0, EMPTY
     limit = size[1] ** 2
-    low = np.empty(3, np.int64)
-    high = np.empty(3, np.int64)
-    for a in range(3):
-        low[a] = int(np.floor((feature[a] - size[1]) / size[0]))
-        high[a] = int(np.floor((feature[a] + size[1]) / size[0]))
-    for x in range(low[0], high[0] + 1):
-        for y in range(low[1], high[1] + 1):
-            for z in range(low[2], high[2] + 1):
-                place = find(key_of(x, y, z), keys)
-                if keys[place] == EMPTY:
-                    continue
-                slot = slots[place]
-                for k in range(counts[slot]):
-                    d0, d1 = stored[slot, k, 0] - feature[0], stored[slot, k, 1] - feature[1]
-                    d2 = stored[slot, k, 2] - feature[2]
-                    distance = d0 * d0 + d1 * d1 + d2 * d2
-                    if distance >= limit:
-                        continue
-                    rank = min(found, NEIGHBOURS - 1)
-                    while rank > 0 and apart[rank - 1] > distance:
-                        apart[rank] = apart[rank - 1]
-                        near[rank] = near[rank - 1]
-                        rank -= 1
-                    apart[rank] = distance
-                    near[rank] = stored[slot, k]
-                    home = slot if rank == 0 else home
-                    found = min(found + 1, NEIGHBOURS)
-                    if found == NEIGHBOURS:
-                        limit = apart[NEIGHBOURS - 1]
+    x, y, z = feature
+    own_x, own_y, own_z = int(np.floor(x / size[0])), int(np.floor(y / size[0])), int(np.floor(z / size[0]))
+    for step in range(len(AROUND)):
+        cube_x, cube_y, cube_z = own_x + AROUND[step, 0], own_y + AROUND[step, 1], own_z + AROUND[step, 2]
+        gap_x = _gap(x, cube_x * size[0], size[0])
+        gap_y, gap_z = _gap(y, cube_y * size[0], size[0]), _gap(z, cube_z * size[0], size[0])
+        if gap_x * gap_x + gap_y * gap_y + gap_z * gap_z >= limit:
+            continue
+        place = find(key_of(cube_x, cube_y, cube_z), keys)
+        if keys[place] == EMPTY:
+            continue
+        slot = slots[place]
+        for k in range(counts[slot]):
+            d0, d1, d2 = stored[slot, k, 0] - x, stored[slot, k, 1] - y, stored[slot, k, 2] - z
+            distance = d0 * d0 + d1 * d1 + d2 * d2
+            if distance >= limit:
+                continue
+            rank = min(found, NEIGHBOURS - 1)
+            while rank > 0 and apart[rank - 1] > distance:
+                apart[rank] = apart[rank - 1]
+                near[rank] = near[rank - 1]
+                rank -= 1
+            apart[rank] = distance
+            near[rank] = stored[slot, k]
+            home = slot if rank == 0 else home
+            found = min(found + 1, NEIGHBOURS)
+            if found == NEIGHBOURS:
+                limit = apart[NEIGHBOURS - 1]
     return found, home
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
+def _gap(at: float, low: float, width: float) -> float:
+    """How far a coordinate lies outside [low, low + width]."""
+    return max(low - at, at - low - width, 0.0)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def _principal_axes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Mean (3,), variances (3,) ascending and their unit directions as columns (3, 3) of points (n, 3)."""
     n = len(points)
@@ -168,7 +178,7 @@ def _principal_axes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatAr
     return mean, values, vectors
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Eigenvalues (3,) ascending and eigenvectors as columns of a symmetric (3, 3) by cyclic Jacobi rotations."""
     m, v = matrix.copy(), np.eye(3)

@@ -120,7 +120,7 @@ def _slope(height: FloatArray, cell: float) -> FloatArray:
     return np.hypot(*steps)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _keep_lowest(cloud: FloatArray, first: FloatArray, cell: float, lowest: FloatArray) -> None:
     for i in range(len(cloud)):
         col = int(np.floor(cloud[i, 0] / cell + 0.5) - first[0])
@@ -128,7 +128,7 @@ def _keep_lowest(cloud: FloatArray, first: FloatArray, cell: float, lowest: Floa
         lowest[row, col] = min(lowest[row, col], cloud[i, 2])
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _near(cloud: FloatArray, coefficients: FloatArray, frame: FloatArray, limit: FloatArray) -> BoolArray:
     """`coefficients` (rows, cols, 2): cubic B-splines of height and slope, mirrored at the borders (scipy.ndimage's way).
 
@@ -136,28 +136,33 @@ def _near(cloud: FloatArray, coefficients: FloatArray, frame: FloatArray, limit:
     """
     rows, cols = coefficients.shape[:2]
     near = np.empty(len(cloud), np.bool_)
+    across, along = np.empty(4), np.empty(4)
     for i in range(len(cloud)):
         u, v = (cloud[i, 0] - frame[0]) / frame[2], (cloud[i, 1] - frame[1]) / frame[2]
         col, row = int(np.floor(u)), int(np.floor(v))
+        _b_spline(u - col, across)
+        _b_spline(v - row, along)
         z, slope = 0.0, 0.0
-        for b in range(-1, 3):
-            r, row_weight = _mirrored(row + b, rows), _b_spline(v - row - b)
-            for a in range(-1, 3):
-                c, weight = _mirrored(col + a, cols), row_weight * _b_spline(u - col - a)
+        for b in range(4):
+            r = _mirrored(row - 1 + b, rows)
+            for a in range(4):
+                c, weight = _mirrored(col - 1 + a, cols), along[b] * across[a]
                 z += weight * coefficients[r, c, 0]
                 slope += weight * coefficients[r, c, 1]
         near[i] = abs(cloud[i, 2] - z) <= limit[0] + limit[1] * slope
     return near
 
 
-@njit(cache=True, error_model="numpy")
-def _b_spline(distance: float) -> float:
-    """The cubic B-spline at a distance in [-2, 2] nodes."""
-    t = abs(distance)
-    return (4 - 6 * t**2 + 3 * t**3) / 6 if t < 1 else (2 - t) ** 3 / 6
+@njit(cache=True, error_model="numpy", inline="always")
+def _b_spline(t: float, weights: FloatArray) -> None:
+    """Cubic B-splines about the nodes at -1, 0, 1 and 2, at t in [0, 1)."""
+    rest = 1.0 - t
+    weights[0], weights[3] = rest * rest * rest / 6, t * t * t / 6
+    weights[1] = (4 - 6 * t * t + 3 * t * t * t) / 6
+    weights[2] = (4 - 6 * rest * rest + 3 * rest * rest * rest) / 6
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _mirrored(index: int, size: int) -> int:
     inside = abs(index)
     return max(inside if inside < size else 2 * (size - 1) - inside, 0)

@@ -78,7 +78,7 @@ def _probability(log_odds: FloatArray) -> FloatArray:
     return np.where(np.isnan(log_odds), UNKNOWN, 1 / (1 + np.exp(-np.nan_to_num(log_odds))))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _carve(
     cloud: FloatArray, sensor: FloatArray, pose: FloatArray, frame: FloatArray, height: float, seen: npt.NDArray[np.int8]
 ) -> None:
@@ -111,7 +111,7 @@ def _carve(
                 seen[row, col] = SEEN_FREE
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _hit(
     cloud: FloatArray, standing: npt.NDArray[np.bool_], sensor: FloatArray, pose: FloatArray, frame: FloatArray,
     count: CountArray, scans: CountArray, height: FloatArray, seen: npt.NDArray[np.int8],
@@ -142,7 +142,7 @@ def _in_cells(point: FloatArray, pose: FloatArray, frame: FloatArray) -> tuple[f
     return (x - frame[0]) / frame[2], (y - frame[1]) / frame[2]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _vote(seen: npt.NDArray[np.int8], odds: FloatArray, update: FloatArray, window: IndexArray) -> None:
     """Add a scan's votes to the log-odds and take them back; `update` = miss, hit, least, most."""
     for row in range(window[0], window[1]):

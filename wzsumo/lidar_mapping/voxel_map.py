@@ -55,13 +55,13 @@ class VoxelMap:
         _rehash(keys, slots, self.keys, self.slots)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def key_of(x: int, y: int, z: int) -> int:
     """One number for the cube at integer coordinates within REACH."""
     return ((x + REACH) << 42) | ((y + REACH) << 21) | (z + REACH)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def find(key: int, keys: IntArray) -> int:
     """Place of a key in the table, or of the empty entry where it belongs (linear probing)."""
     mask = len(keys) - 1
@@ -72,7 +72,7 @@ def find(key: int, keys: IntArray) -> int:
     return place
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _insert(
     points: FloatArray, first: int, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, cubes: int,
     size: FloatArray,
@@ -99,7 +99,7 @@ def _insert(
     return cubes, len(points)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def _rehash(old_keys: IntArray, old_slots: IntArray, keys: IntArray, slots: IntArray) -> None:
     for i in range(len(old_keys)):
         place = find(old_keys[i], keys)

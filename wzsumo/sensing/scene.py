@@ -31,7 +31,8 @@ CLEARANCE_M = 0.2  # under a vehicle
 class DeviceFaults(Spec):
     """Shares of the devices that do not stand as laid out."""
 
-    missing_share: float = Field(default=0.0, ge=0, le=1)
+    set_up_every: int = Field(default=1, ge=1)  # of the devices of the layout only every n-th one stands: a sparse set-up
+    missing_share: float = Field(default=0.0, ge=0, le=1)  # of those set up, as the shares below
     tilted_share: float = Field(default=0.0, ge=0, le=1)
     lying_share: float = Field(default=0.0, ge=0, le=1)
     tilt_deg: float = Field(default=20.0, gt=0, lt=60)  # how far a tilted device leans; an assumption
@@ -122,7 +123,7 @@ def _device_frusta(devices: pd.DataFrame, ground: Ground, faults: DeviceFaults) 
     n = len(devices)
     rng = np.random.default_rng(faults.seed)
     fate, side = rng.random(n), rng.uniform(-np.pi, np.pi, n)
-    missing = fate < faults.missing_share
+    missing = (fate < faults.missing_share) | (np.arange(n) % faults.set_up_every > 0)
     lying = ~missing & (fate < faults.missing_share + faults.lying_share)
     tilted = ~missing & ~lying & (fate < faults.missing_share + faults.lying_share + faults.tilted_share)
     xy = devices[["x_m", "y_m"]].to_numpy(dtype=float)
