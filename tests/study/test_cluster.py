@@ -10,7 +10,7 @@ import pytest
 from study_trials import a_study, evaluate, simulate, sweep
 
 from wzsumo.errors import InputError
-from wzsumo.study import sweep as engine
+from wzsumo.study import agenda as engine
 from wzsumo.study.cluster import ClusterWorkers
 from wzsumo.study.study_case import code_version
 

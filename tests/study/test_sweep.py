@@ -6,10 +6,10 @@ import pytest
 from study_trials import FLEET, AtOnce, a_study, evaluate, simulate, sweep
 
 from wzsumo.errors import InputError, OutputError
-from wzsumo.study import sweep as engine
+from wzsumo.study import agenda as engine
+from wzsumo.study.agenda import BATCH, SMALLEST_BATCH
 from wzsumo.study.result_store import read_study
 from wzsumo.study.results import column_of, read_results
-from wzsumo.study.sweep import BATCH
 
 
 @pytest.fixture(autouse=True)
@@ -37,6 +37,25 @@ def test_cases_of_one_crowd_go_to_one_task_and_a_task_holds_about_a_batch(tmp_pa
     assert all(len(batch) < BATCH + 3 for batch in batches)
     crowds = [{case.crowd for case in batch} for batch in batches]
     assert sum(map(len, crowds)) == len(set().union(*crowds)) == 25
+
+
+def test_last_tasks_are_small_so_that_no_worker_waits_long_for_another(tmp_path):
+    study, workers = a_study(crowd__used=list(range(1, 41)), gnss__error_m=[0.0, 1.0, 2.0]), AtOnce()
+    sweep(study, tmp_path, workers)
+    sizes = [len(args[1]) for name, args in workers.started if name == "evaluate"]
+    assert sum(sizes) == 120
+    assert sizes == sorted(sizes, reverse=True)
+    assert max(sizes) > 2 * SMALLEST_BATCH
+    assert sum(sizes[-3:]) <= 3 * SMALLEST_BATCH
+
+
+def test_next_fleet_is_simulated_while_cases_of_the_one_before_are_left(tmp_path):
+    study, workers = a_study(seed=[1, 2, 3, 4], crowd__used=list(range(1, 31))), AtOnce()
+    sweep(study, tmp_path, workers)
+    order = [name for name, _ in workers.started]
+    third = [at for at, name in enumerate(order) if name == "simulate"][2]
+    done = sum(len(args[1]) for name, args in workers.started[:third] if name == "evaluate")
+    assert done < 60
 
 
 def test_second_sweep_does_nothing_and_a_wider_one_only_what_is_missing(tmp_path):
@@ -143,7 +162,7 @@ def test_interrupt_keeps_what_was_finished(tmp_path, monkeypatch):
 
     monkeypatch.setattr(engine, "evaluate", interrupted_at_2)
     with pytest.raises(KeyboardInterrupt):
-        sweep(a_study(seed=[1, 2, 3]), tmp_path, AtOnce(count=0))  # one task at a time
+        sweep(a_study(seed=[1, 2, 3]), tmp_path, AtOnce(count=1))
     assert read_results(tmp_path)["seed"].tolist() == [1]
 
 

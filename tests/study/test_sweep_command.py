@@ -5,7 +5,7 @@ import pytest
 from study_trials import PAPER, AtOnce, a_study, evaluate, simulate, sweep
 
 from wzsumo.cli import main
-from wzsumo.study import sweep as engine
+from wzsumo.study import agenda as engine
 from wzsumo.study import sweep_verbs
 from wzsumo.study.estimate import estimate
 from wzsumo.study.study_case import code_version

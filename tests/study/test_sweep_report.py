@@ -6,7 +6,7 @@ from PIL import Image
 from study_trials import FLEET, a_study, sweep
 
 from wzsumo.errors import InputError
-from wzsumo.study import sweep as engine
+from wzsumo.study import agenda as engine
 from wzsumo.study.results import read_results
 from wzsumo.study.sweep_report import write_sweep_report
 
