@@ -35,7 +35,7 @@ def test_cases_of_one_crowd_go_to_one_task_and_a_task_holds_about_a_batch(tmp_pa
     sweep(study, tmp_path, workers)
     batches = [args[1] for name, args in workers.started if name == "evaluate"]
     assert all(len(batch) < BATCH + 3 for batch in batches)
-    crowds = [{case.crowd for case in batch} for batch in batches]
+    crowds = [{case.source for case in batch} for batch in batches]
     assert sum(map(len, crowds)) == len(set().union(*crowds)) == 25
 
 
@@ -155,15 +155,19 @@ def test_files_that_a_kill_left_half_written_are_cleared_away(tmp_path):
 
 
 def test_interrupt_keeps_what_was_finished(tmp_path, monkeypatch):
-    def interrupted_at_2(fleet, cases):
-        if cases[0].scenario.seed == 2:
+    finished = []
+
+    def interrupted_at_third(fleet, cases):
+        if len(finished) == 2:  # both are settled before a third begins where two go at a time
             raise KeyboardInterrupt
+        finished.append([case.id for case in cases])
         return evaluate(fleet, cases)
 
-    monkeypatch.setattr(engine, "evaluate", interrupted_at_2)
+    monkeypatch.setattr(engine, "evaluate", interrupted_at_third)
     with pytest.raises(KeyboardInterrupt):
-        sweep(a_study(seed=[1, 2, 3]), tmp_path, AtOnce(count=1))
-    assert read_results(tmp_path)["seed"].tolist() == [1]
+        sweep(a_study(crowd__used=list(range(1, 41)), seed=[1]), tmp_path, AtOnce(count=1))
+    assert set(read_results(tmp_path)["case"]) == set().union(*finished)
+    assert len(finished) == 2
 
 
 def test_folder_of_another_study_or_of_a_run_is_refused(tmp_path):

@@ -10,6 +10,9 @@ SHORT = {
     "simulation.demand.duration_s": 200.0, "simulation.demand.flow_vph": 1200.0, "work_zone.work_length_ft": 200.0,
     "map.resolution_m": 0.25, "mixture.k_max": 10, "control.target_speed_mps": 20.0,
 }  # fmt: skip
+SMALL_LIDAR = {
+    "slam.lidar.layers": 32, "slam.lidar.azimuth_count": 300, "slam.lidar.rate_hz": 2.0, "simulation.demand.duration_s": 300.0,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +62,28 @@ def test_minutes_to_collect_count_from_the_first_vehicle_to_the_last_equipped_on
     (row,) = rows_of(simulated, seed=[21], crowd__used=[4], crowd__penetration=[1.0])  # everybody is equipped
     assert row["minutes_to_collect"] == pytest.approx((left_at_s.iloc[3] - left_at_s.iloc[0]) / 60)
     assert row["n_equipped"] == len(left_at_s) == row["fleet_n_passed"]
+
+
+def test_lidar_maps_of_one_drive_have_the_figures_of_the_same_case_run_alone(tmp_path):
+    fixed = SHORT | SMALL_LIDAR | {"crowd.used": 1, "crowd.collected": 1}
+    study = a_study(fixed=fixed, methods=("slam_raw", "slam_barrier"), seed=[21], slam__scene__faults__missing_share=[0.4])
+    assert len({case.source for case in study.cases}) == 1
+    rows = evaluate(simulate(study.cases[0].scenario), study.cases)
+    alone = run_case(study.cases[0].scenario, tmp_path, methods=["slam_barrier"], progress=quiet_progress)
+    assert [row["status"] for row in rows] == ["DONE", "DONE"]
+    assert {name: rows[1][name] for name in ("n_traces", "iou")} == {
+        "n_traces": None, "iou": alone["methods"]["slam_barrier"]["iou"],
+    }  # fmt: skip
+    for name in ("ate_m", "n_devices_mapped"):
+        assert rows[0][f"slam_{name}"] == rows[1][f"slam_{name}"] == pytest.approx(alone["slam"][name])
+
+
+def test_map_of_before_is_evaluated_once_whatever_the_crowd_and_the_lidar_see(simulated):
+    factors = {"seed": [21], "crowd__used": [1, 500], "slam__scene__faults__missing_share": [0.0, 0.4]}
+    cases = a_study(fixed=SHORT, methods=("hd_map", "lanes"), **factors).cases
+    before, crowd = ([case for case in cases if case.method == name] for name in ("hd_map", "lanes"))
+    assert (len(before), len({case.evaluation for case in before}), len({case.evaluation for case in crowd})) == (4, 1, 2)
+    rows = evaluate(simulated, before)
+    assert {row["status"] for row in rows} == {"DONE"}
+    assert len({(row["iou"], row["n_expansions"]) for row in rows}) == 1
+    assert "n_equipped" not in rows[0]

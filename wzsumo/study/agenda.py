@@ -7,6 +7,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import Any
 
+from wzsumo.study.baselines import SLAM_METHODS
 from wzsumo.study.result_store import ResultStore
 from wzsumo.study.study_case import StudyCase
 from wzsumo.study.sweep_tasks import evaluate, simulate
@@ -20,6 +21,7 @@ START_S = 180.0  # a process that compiles its kernels first
 SIMULATION_S = 1800.0
 CASE_S = 20.0
 DRIVE_S = 240.0
+LIDAR_S = 1800.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +44,7 @@ class Agenda:
         for case in cases:
             self._unfinished.setdefault(case.simulation, []).append(case)
         self._to_simulate = deque(self._unfinished)
-        self._ready: deque[tuple[StudyCase, ...]] = deque()  # the cases of a crowd, on a simulated fleet
+        self._ready: deque[tuple[StudyCase, ...]] = deque()  # the cases of one source, on a simulated fleet
         self._again: deque[Work] = deque()
         self._n_ready = 0  # cases
 
@@ -51,8 +53,7 @@ class Agenda:
         while (work := self._next_work()) is not None:
             fleet = self._store.simulated(work.simulation)
             if work.cases and fleet is not None:
-                limit_s = START_S + sum(CASE_S + DRIVE_S * case.drive for case in work.cases)
-                return work, evaluate, (fleet, work.cases), limit_s
+                return work, evaluate, (fleet, work.cases), START_S + sum(map(_longest_s, work.cases))
             if work.cases:  # its file went meanwhile
                 self._simulate_again(work.simulation)
             elif fleet is not None:
@@ -84,7 +85,7 @@ class Agenda:
         return self._next_batch() if self._ready else None
 
     def _next_batch(self) -> Work:
-        """Cases of one simulation, fewer where few are left; those of one crowd together, for its mixture is fitted once."""
+        """Cases of one simulation, fewer where few are left; those of one source together, for it is learned from once."""
         n_unfinished = sum(map(len, self._unfinished.values()))
         size = min(BATCH, max(SMALLEST_BATCH, n_unfinished // (TASKS_A_WORKER * self._workers)))
         batch = list(self._ready.popleft())
@@ -94,13 +95,13 @@ class Agenda:
         return Work(simulation=batch[0].simulation, cases=tuple(batch))
 
     def _make_ready(self, simulation: str) -> None:
-        cases = sorted(self._unfinished[simulation], key=lambda case: case.crowd)
-        self._ready.extend(tuple(crowd) for _, crowd in itertools.groupby(cases, key=lambda case: case.crowd))
+        cases = sorted(self._unfinished[simulation], key=lambda case: case.source)
+        self._ready.extend(tuple(sharing) for _, sharing in itertools.groupby(cases, key=lambda case: case.source))
         self._n_ready += len(cases)
 
     def _simulate_again(self, simulation: str) -> None:
         self._to_simulate.appendleft(simulation)
-        self._ready = deque(crowd for crowd in self._ready if crowd[0].simulation != simulation)
+        self._ready = deque(cases for cases in self._ready if cases[0].simulation != simulation)
         self._n_ready = sum(map(len, self._ready))
 
     def _failed(self, work: Work, reason: str) -> list[dict[str, Any]]:
@@ -122,3 +123,7 @@ class Agenda:
         if not left:
             del self._unfinished[work.simulation]
             self._store.trim(keep=set(self._unfinished))
+
+
+def _longest_s(case: StudyCase) -> float:
+    return CASE_S + DRIVE_S * case.drive + LIDAR_S * (case.method in SLAM_METHODS)

@@ -3,6 +3,7 @@
 from collections.abc import Container
 from dataclasses import dataclass
 
+from wzsumo.study.baselines import SLAM_METHODS
 from wzsumo.study.scenario import Scenario
 from wzsumo.study.study_file import Study
 from wzsumo.units import mps_from_mph
@@ -13,6 +14,7 @@ SIMULATION_S_PER_VEHICLE_STEP = 28e-6  # sublane model, log of the fleet include
 CASE_S = {"lanes": 2.0}
 OTHER_CASE_S = 0.5
 DRIVE_S = 8.0
+LIDAR_S = 60.0  # a mapping drive of 500 scans
 START_S = 4.0  # of a worker process
 
 
@@ -36,6 +38,7 @@ def estimate(study: Study, *, finished: Container[str]) -> Estimate:
     simulated = {case.simulation: case.scenario for case in missing}
     seconds = sum(_simulation_s(scenario) for scenario in simulated.values())
     evaluated = {case.evaluation: case for case in missing}.values()
+    seconds += LIDAR_S * len({case.source for case in missing if case.method in SLAM_METHODS})
     seconds += sum(CASE_S.get(case.method, OTHER_CASE_S) + DRIVE_S * case.drive for case in evaluated)
     return Estimate(
         n_cases=len(study.cases), n_missing=len(missing), n_simulations=len(simulated), processor_s=round(seconds, 1)

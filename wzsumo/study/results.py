@@ -80,6 +80,10 @@ MEASURED_COLUMNS = {
     "minutes_to_collect": _number(
         "min", "from the first vehicle's leaving the zone to that of as many equipped ones as are used"
     ),
+    "slam_ate_m": _number("m", "LiDAR drive: root mean square error of where the car took itself to be"),
+    "slam_dead_reckoning_ate_m": _number("m", "the same without the LiDAR"),
+    "slam_n_devices_mapped": _count("LiDAR drive: devices that the map has"),
+    "slam_n_links": _count("LiDAR drive: gaps between devices that the map closes"),
     "fleet_n_passed": _count("vehicles that passed the zone from end to end"),
     "fleet_mean_speed_activity_mps": _number("m/s", "mean speed of the fleet in the activity area"),
     "fleet_throughput_vph": _number("veh/h", "flow past the middle of the activity area, after the warm-up"),

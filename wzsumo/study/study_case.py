@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import wzsumo
+from wzsumo.study.baselines import BASELINE_METHODS, SLAM_METHODS
 from wzsumo.study.scenario import Scenario
 
 # Sections of a scenario that come after the simulation of the fleet; all others decide it. A section that is forgotten here
@@ -18,11 +19,12 @@ AFTER_SIMULATION = frozenset(
 )
 # The first `used` of the equipped vehicles are the same whatever share is equipped (see `sensing.equipped`): these keys decide
 # when the traces are there, and whether there are so many.
-_ONLY_WHEN = {"crowd": {"penetration", "collected"}}
+_ONLY_WHEN: dict[str, Any] = {"crowd": {"penetration", "collected"}}
 # Modules that tell or draw what was measured: a change there leaves finished results as they are.
 _TELLING = frozenset(
     {
-        "__init__.py", "__main__.py", "cli.py", "study/verbs.py", "study/interface.py", "study/sweep.py", "study/workers.py",
+        "__init__.py", "__main__.py", "cli.py", "study/verbs.py", "study/interface.py",
+        "study/sweep.py", "study/agenda.py", "study/workers.py",
         "study/cluster.py", "study/estimate.py", "study/sweep_verbs.py",
         "study/result_store.py", "study/results.py", "study/report.py", "study/figures.py",
         "study/drive_figure.py", "study/map_figures.py", "study/mixture_figures.py", "study/zone_axes.py",
@@ -53,16 +55,21 @@ class StudyCase:
         return _digest(self.scenario.model_dump(mode="json", exclude=set(AFTER_SIMULATION)))
 
     @cached_property
-    def crowd(self) -> str:
-        """Name of the traces that make the map and of what is learned of them, which the methods share."""
+    def source(self) -> str:
+        """Name of what the map is made of, which methods share: the crowd's traces and their mixture, or a LiDAR drive."""
+        if self.method in BASELINE_METHODS:
+            seen = {"slam"} if self.method in SLAM_METHODS else set()
+            return _digest(self.simulation, self.scenario.model_dump(mode="json", include={"map", "route", "vehicle", *seen}))
         sections = self.scenario.model_dump(mode="json", include={"crowd", "gnss", "mixture"}, exclude=_ONLY_WHEN)
         return _digest(self.simulation, sections)
 
     @cached_property
     def evaluation(self) -> str:
-        """Name of map, plan and drive, which cases share that differ only in how soon their traces come in."""
-        content = self.scenario.model_dump(mode="json", exclude={"name": True, **_ONLY_WHEN})
-        return _digest(content, self.method, self.drive)
+        """Name of map, plan and drive, which cases share that differ only in what their method does not look at."""
+        unseen = {"crowd": True, "gnss": True, "mixture": True} if self.method in BASELINE_METHODS else _ONLY_WHEN
+        if self.method not in SLAM_METHODS:
+            unseen = unseen | {"slam": True}
+        return _digest(self.scenario.model_dump(mode="json", exclude={"name": True, **unseen}), self.method, self.drive)
 
 
 @cache

@@ -13,6 +13,7 @@ from pydantic import Field, ValidationError
 
 from wzsumo.errors import SpecError
 from wzsumo.spec import Spec, describe_mistakes, known_keys, parse_spec, read_toml
+from wzsumo.study.baselines import BASELINE_METHODS
 from wzsumo.study.mapping_methods import MAP_METHODS
 from wzsumo.study.scenario import Scenario, load_scenario, misfits_of
 from wzsumo.study.study_case import StudyCase
@@ -67,8 +68,9 @@ def study_of(content: Mapping[str, Any], *, source: str) -> Study:
     spec = parse_spec(StudySpec, content["study"], source=source)
     fixed, grid = _flat(spec.fixed), _grid(spec.grid)
     combinations = [_flat(entry) for entry in spec.combinations]
-    unknown = [name for name in spec.methods if name not in MAP_METHODS]
-    mistakes = [f"methods: {name}: unknown; known methods: {', '.join(MAP_METHODS)}" for name in unknown]
+    known = [*MAP_METHODS, *BASELINE_METHODS]
+    unknown = [name for name in spec.methods if name not in known]
+    mistakes = [f"methods: {name}: unknown; known methods: {', '.join(known)}" for name in unknown]
     mistakes += _wrong_factors(fixed, grid, combinations)
     if mistakes:
         raise SpecError("; ".join(f"{source}: {mistake}" for mistake in mistakes))
@@ -211,5 +213,5 @@ def _with(content: Mapping[str, Any], keys: Keys) -> Keys:
     changed = dict(content)
     for key, value in keys.items():
         first, _, rest = key.partition(".")
-        changed[first] = _with(changed.get(first, {}), {rest: value}) if rest else value
+        changed[first] = _with(changed.get(first) or {}, {rest: value}) if rest else value
     return changed

@@ -26,13 +26,14 @@ from wzsumo.metrics.traffic import measure_traffic
 from wzsumo.output import parquet_bytes
 from wzsumo.planning.plan import Plan, PlanStatus
 from wzsumo.sensing.equipped import choose_equipped, first_traces
-from wzsumo.simulation.files import write_sumo_files
+from wzsumo.simulation.files import SumoFiles, write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.simulation.trips import read_trips, trips_file
 from wzsumo.study.assessment import assess
+from wzsumo.study.baselines import BASELINE_METHODS, HD_MAP_METHODS, SLAM_METHODS, Baselines, map_baselines
 from wzsumo.study.case import WARM_UP_S, drive_plan, map_of_zone, plan_for, quiet_progress
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
-from wzsumo.study.guides import crowd_guide
+from wzsumo.study.guides import crowd_guide, nominal_guide
 from wzsumo.study.mapping_methods import Crowd, learn_from
 from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site, prepare_site
@@ -59,7 +60,7 @@ def simulate(scenario: Scenario) -> bytes:
 
 
 def evaluate(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
-    """One row a case, on the fleet that `simulate` gave for all of them; those of one crowd should be neighbours.
+    """One row a case, on the fleet that `simulate` gave for all of them; those of one source should be neighbours.
 
     A case that cannot be, such as one that asks for more traces than the fleet gives, has status REFUSED and the reason.
     """
@@ -69,7 +70,7 @@ def evaluate(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any
     for case in cases:
         with _in_processor_seconds() as spent:
             try:
-                row = shared.collection_of(case.scenario) | shared.evaluation_of(case) | {"status": "DONE"}
+                row = shared.collection_of(case) | shared.evaluation_of(case) | {"status": "DONE"}
             except InputError as error:
                 row = {"status": "REFUSED", "reason": str(error)}
         known = {"case": case.id} | {f"fleet_{name}": fleet[name] for name in FLEET_FIGURES}
@@ -84,28 +85,30 @@ def read_simulated(simulated: bytes) -> tuple[pd.DataFrame, dict[str, Any]]:
 
 
 class _Shared:
-    """What neighbouring cases have in common, kept for the next: the site, the crowd with its mixture, whole evaluations."""
+    """What neighbouring cases have in common, kept for the next: the site, what maps are made of, whole evaluations."""
 
     def __init__(self, over_zone: pd.DataFrame) -> None:
         self._over_zone = over_zone
         self._passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
         self._site: tuple[str, Site] | None = None
-        self._crowd: tuple[str, Crowd] | None = None
-        self._evaluations: dict[str, dict[str, Any]] = {}  # of that crowd
+        self._learned: tuple[str, Crowd | Baselines] | None = None
+        self._evaluations: dict[str, dict[str, Any]] = {}  # of that source
 
-    def collection_of(self, scenario: Scenario) -> dict[str, Any]:
+    def collection_of(self, case: StudyCase) -> dict[str, Any]:
         """How many equipped vehicles passed, and how long it took until as many had passed as the map uses."""
-        crowd = scenario.crowd
-        equipped = choose_equipped(self._passed_at_s.index, penetration=crowd.penetration, seed=scenario.seed)
+        if case.method in BASELINE_METHODS:
+            return {}
+        crowd = case.scenario.crowd
+        equipped = choose_equipped(self._passed_at_s.index, penetration=crowd.penetration, seed=case.scenario.seed)
         first_traces(equipped, crowd.used, key="crowd.used")
         in_turn = self._passed_at_s[equipped].sort_values().to_numpy()
         waited_s = in_turn[crowd.used - 1] - self._passed_at_s.min()
         return {"n_equipped": len(equipped), "minutes_to_collect": float(waited_s) / 60}
 
     def evaluation_of(self, case: StudyCase) -> dict[str, Any]:
-        crowd = self._crowd_of(case)
+        learned = self._learned_for(case)
         if case.evaluation not in self._evaluations:
-            self._evaluations[case.evaluation] = _evaluated(case, crowd, self._site_of(case.scenario))
+            self._evaluations[case.evaluation] = _evaluated(case, learned, self._site_of(case.scenario))
         return self._evaluations[case.evaluation]
 
     def _site_of(self, scenario: Scenario) -> Site:
@@ -114,20 +117,38 @@ class _Shared:
             self._site = (key, prepare_site(scenario))
         return self._site[1]
 
-    def _crowd_of(self, case: StudyCase) -> Crowd:
-        if self._crowd is None or self._crowd[0] != case.crowd:
-            used = reported_traces(self._over_zone, case.scenario, which="used")
-            self._crowd = (case.crowd, learn_from(used, spec=case.scenario.mixture, seed=case.scenario.seed))
-            self._evaluations = {}
-        return self._crowd[1]
+    def _learned_for(self, case: StudyCase) -> Crowd | Baselines:
+        if self._learned is None or self._learned[0] != case.source:
+            baseline = case.method in BASELINE_METHODS
+            learned = _baselines(case, self._site_of(case.scenario)) if baseline else self._crowd(case.scenario)
+            self._learned, self._evaluations = (case.source, learned), {}
+        return self._learned[1]
+
+    def _crowd(self, scenario: Scenario) -> Crowd:
+        used = reported_traces(self._over_zone, scenario, which="used")
+        return learn_from(used, spec=scenario.mixture, seed=scenario.seed)
 
 
-def _evaluated(case: StudyCase, crowd: Crowd, site: Site) -> dict[str, Any]:
+def _baselines(case: StudyCase, site: Site) -> Baselines:
+    """The maps of before, or those of a LiDAR drive through the fleet, which sees more of the road than the traces cover."""
+    if case.method not in SLAM_METHODS:
+        return map_baselines(HD_MAP_METHODS, pd.DataFrame(), scenario=case.scenario, site=site, progress=quiet_progress)
+    with _simulation_files(case.scenario, site) as files:
+        fleet = simulate_fleet(files, on_second=lambda _time: None)
+    return map_baselines(SLAM_METHODS, fleet, scenario=case.scenario, site=site, progress=quiet_progress)
+
+
+def _evaluated(case: StudyCase, learned: Crowd | Baselines, site: Site) -> dict[str, Any]:
     scenario = case.scenario
-    grid = map_of_zone(case.method, crowd, scenario=scenario, site=site)
-    plan = plan_for(case.method, grid, scenario=scenario, site=site, guide=crowd_guide(crowd, site=site))
+    if isinstance(learned, Baselines):
+        crowd, grid, guide, slam = None, learned.maps[case.method], nominal_guide(site), learned.slam
+    else:
+        crowd, guide, slam = learned, crowd_guide(learned, site=site), {}
+        grid = map_of_zone(case.method, learned, scenario=scenario, site=site)
+    plan = plan_for(case.method, grid, scenario=scenario, site=site, guide=guide)
     run = _drive(plan, case, site) if case.drive else None
     figures = assess(grid, plan, run, crowd=crowd, scenario=scenario, site=site)
+    figures |= {f"slam_{name}": value for name, value in slam.items()}
     planned, driven, measured = (figures.pop(name) or {} for name in ("planned", "driven", "drive"))
     figures |= {f"planned_{name}": value for name, value in planned.items()}
     figures |= {f"driven_{name}": value for name, value in (driven | measured).items()}
@@ -147,9 +168,14 @@ def _keeps_clear(planned: dict[str, float]) -> bool:
 
 def _drive(plan: Plan, case: StudyCase, site: Site) -> EgoRun | None:
     scenario = case.scenario
-    with _ONE_SIMULATION, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
-        files = write_sumo_files(site.layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
+    with _simulation_files(scenario, site) as files:
         return drive_plan(plan, case.method, scenario=scenario, site=site, files=files, progress=quiet_progress)
+
+
+@contextmanager
+def _simulation_files(scenario: Scenario, site: Site) -> Iterator[SumoFiles]:
+    with _ONE_SIMULATION, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
+        yield write_sumo_files(site.layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
 
 
 @contextmanager
