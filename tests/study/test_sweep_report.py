@@ -19,6 +19,8 @@ def evaluate(fleet, cases):
         row = {"case": case.id, "status": "DONE", "reason": "", "plan_status": "FOUND", "safe_plan": used >= 2 + error}
         row |= {"iou": min(used / 5 - 0.1 * error, 1) + 0.01 * case.scenario.seed, "precision": 0.9, "recall": 0.8}
         row |= {"planned_min_clearance_devices_m": 0.5, "minutes_to_collect": used / case.scenario.crowd.penetration / 25}
+        if case.method == "hd_map":
+            row |= {"safe_plan": used == 1, "minutes_to_collect": None}
         refused = {"case": case.id, "status": "REFUSED", "reason": "<script>alert(1)</script>"}
         rows.append(refused if used == 4 else row)
     return rows
@@ -28,7 +30,7 @@ def evaluate(fleet, cases):
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("study")
     study = a_study(
-        methods=("swept", "lanes"),
+        methods=("swept", "lanes", "hd_map"),
         seed=[1, 2],
         crowd__used=[1, 2, 3, 4],
         gnss__error_m=[0.0, 1.0],
@@ -54,6 +56,8 @@ def test_page_says_how_many_traces_each_method_needs_at_each_error(page):
     answer = re.search(r'<div class="answer">(.*?)</div>', page, flags=re.S).group(1)
     for text in ("swept at a GNSS error of 0 m: 2 trace(s)", "swept at a GNSS error of 1 m: 3 trace(s)"):
         assert text in answer, answer
+    assert "hd_map: a safe plan in 33% of the cases, n = 2 seeds." in answer
+    assert "hd_map at" not in answer
 
 
 def test_page_stands_alone_and_escapes_what_a_case_says(page):
@@ -67,7 +71,7 @@ def test_page_stands_alone_and_escapes_what_a_case_says(page):
 
 def test_page_lists_every_case_by_name_and_links_the_one_that_was_run_alone(folder, page):
     first, *others = read_results(folder)["case"]
-    assert len(others) == 63
+    assert len(others) == 95
     assert set(re.findall(r'class="case">(\w+)<', page)) == set(others)
     assert f'<a href="cases/{first}/report.html">{first}</a>' in page
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from wzsumo.study.baselines import BASELINE_METHODS
 from wzsumo.study.summary import summarise
 
 GOOD_ENOUGH = 0.9  # share of seeds with a safe plan from which on a map is called good enough
@@ -16,8 +17,9 @@ def traces_needed(table: pd.DataFrame, *, by: Sequence[str]) -> pd.DataFrame:
 
     `traces` is the fewest from which on, with every larger number in the study as well, the share of seeds with a safe plan
     is GOOD_ENOUGH, `minutes` the mean time until so many have come in; nan where there is none. `best_traces` has the largest
-    share of all.
+    share of all. Methods that take no traces are left out.
     """
+    table = table[~table["method"].isin(BASELINE_METHODS)]
     safe = summarise(table, "safe_plan", by=[*by, TRACES]).rename(columns={"mean": "share", "n": "n_seeds"})
     minutes = summarise(table, "minutes_to_collect", by=[*by, TRACES]).rename(columns={"mean": "minutes"})
     points = safe.merge(minutes[[*by, TRACES, "minutes"]], on=[*by, TRACES])

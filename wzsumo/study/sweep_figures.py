@@ -29,6 +29,9 @@ NAMES = {
     "simulation.demand.flow_vph": "flow [veh/h]",
     "simulation.demand.truck_share": "share of trucks",
     "gnss.sampling_interval_s": "time between fixes [s]",
+    "slam.scene.faults.missing_share": "share of devices missing",
+    "slam.scene.faults.tilted_share": "share of devices tilted",
+    "slam.scene.faults.lying_share": "share of devices lying",
 }
 WIDTH_IN = 10.5
 
@@ -96,7 +99,7 @@ def draw_minutes(table: pd.DataFrame) -> Figure:
     needed = traces_needed(table, by=by)
     parts = [
         (method if errors is None else f"{method}, GNSS error {label} m", part)
-        for method in dict.fromkeys(table["method"])
+        for method in dict.fromkeys(needed["method"])
         for label, part in _lines_by(needed[needed["method"] == method], errors)
     ]
     figure, axes = _panels(1, len(parts), height=3.2)

@@ -10,6 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from wzsumo.output import write_whole
 from wzsumo.study.answers import GOOD_ENOUGH, TRACES, traces_needed
+from wzsumo.study.baselines import BASELINE_METHODS
 from wzsumo.study.result_store import read_study
 from wzsumo.study.results import column_of, read_results
 from wzsumo.study.study_case import code_version
@@ -56,9 +57,17 @@ def write_sweep_report(folder: Path) -> Path:
 
 def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
     """Sentences that answer the study, a method each."""
-    if TRACES not in factors:
-        shares = summarise(table, "safe_plan", by=["method"])
-        return [f"{row.method}: a safe plan in {row.mean:.0%} of the cases, n = {row.n} seeds." for row in shares.itertuples()]
+    takes_traces = ~table["method"].isin(BASELINE_METHODS) & (TRACES in factors)
+    lines = _traces_answers(table[takes_traces], factors) if takes_traces.any() else []
+    if takes_traces.all():
+        return lines
+    shares = summarise(table[~takes_traces], "safe_plan", by=["method"])
+    return lines + [
+        f"{row.method}: a safe plan in {row.mean:.0%} of the cases, n = {row.n} seeds." for row in shares.itertuples()
+    ]
+
+
+def _traces_answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
     errors = ["gnss.error_m"] if "gnss.error_m" in factors else []
     lines = []
     for row in traces_needed(table, by=["method", *errors]).to_dict("records"):
