@@ -17,6 +17,7 @@ from wzsumo.grid import BoolArray
 
 PRIOR_ODDS = 0.1  # that a lane which others drove is closed somewhere, before anybody is seen to keep out of it
 CLOSED_M, CLOSED_SPREAD = 300.0, 0.8  # median length of a closed stretch, from a taper and a tangent to a whole work space
+SHORTEST_CLOSED_M = 60.0  # shorter than any taper and tangent: a gap between two vehicles' changes of lane
 SHARE_COUNT = 3.0  # as `lane_hypotheses.SHARE_COUNTS`: prior count of vehicles in each open lane
 # One who leaves a lane at discretion does so once in 2 km, one who has to some 150 m ahead; where a closure begins, the first
 # to leave tells: anywhere within 1 km.
@@ -53,7 +54,9 @@ class LaneUse:
 
 def fit_lane_use(table: StationTable, weights: FloatArray, levels: LaneLevels, *, half_vehicle_m: float) -> LaneUse:
     """The use of the lanes that go through, by traces in the lanes that `levels` has them in."""
-    known = np.isfinite(table.offsets)
+    # A vehicle that reports every 3 s drove between its fixes, too.
+    fixes = np.isfinite(table.offsets)
+    known = np.logical_or.accumulate(fixes, axis=1) & np.logical_or.accumulate(fixes[:, ::-1], axis=1)[:, ::-1]
     trusted = weights * ~_mistaken(levels, known)
     chance = np.ones((levels.n_lanes, len(table.stations)))
     mistaken = min(float(ndtr(-levels.width / 2 / levels.spread)), MOST_MISTAKEN)
@@ -63,6 +66,8 @@ def fit_lane_use(table: StationTable, weights: FloatArray, levels: LaneLevels, *
         idle, n_idle = label(users <= mistaken * (trusted @ known))
         for number in range(1, n_idle + 1):
             stretch = np.flatnonzero(idle == number)
+            if len(stretch) * STATION_SPACING_M < SHORTEST_CLOSED_M:
+                continue
             odds = _closed_odds(stretch, there, known, trusted, n_lanes=levels.n_lanes)
             if lane in levels.interior and stretch[0] < levels.opens and stretch[-1] >= levels.closes:
                 odds = np.inf
