@@ -77,13 +77,13 @@ def _beyond(
 ) -> tuple[FloatArray, FloatArray]:
     """Chance that a place `across` (n,) lane widths beyond the open lanes is open, and how many lanes are open there."""
     inner = model.levels.n_lanes - 1 if side > 0 else 0
-    ending = model.closing.keys() | model.opening.keys()
+    ending = model.ends.closing.keys() | model.ends.opening.keys()
     chance, count = np.zeros(len(s)), np.zeros(len(s))
     outwards = 0
     # A lane that was never driven ends the series: nothing is known of the way to those beyond it.
     while (lane := inner + side * (outwards + 1)) in ending:
         still_open, some_open = np.zeros(len(s)), np.zeros(len(s))
-        for line, sign in ((model.closing.get(lane), 1.0), (model.opening.get(lane), -1.0)):
+        for line, sign in ((model.ends.closing.get(lane), 1.0), (model.ends.opening.get(lane), -1.0)):
             if line is not None:
                 still_open = np.maximum(still_open, line.open_beyond(sign * s, across - outwards))
                 some_open = np.maximum(some_open, line.open_beyond(sign * s, np.zeros(len(s))))

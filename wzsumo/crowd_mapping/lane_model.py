@@ -3,7 +3,7 @@
 `fit_lane_structure` makes it from traces, `update` gives the next one, `fit_of` scores a trace by it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pandas as pd
@@ -12,11 +12,12 @@ from pydantic import Field
 from wzsumo.crowd_mapping.common_path import CommonPath, extend, fit_common_path
 from wzsumo.crowd_mapping.kinks import Shift, find_shifts
 from wzsumo.crowd_mapping.lane_changes import relative_lanes
+from wzsumo.crowd_mapping.lane_ends import LaneEnds, fit_lane_ends
 from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels, refresh
 from wzsumo.crowd_mapping.lane_use import LaneUse, fit_lane_use
+from wzsumo.crowd_mapping.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.station_table import StationTable, tabulate
-from wzsumo.crowd_mapping.taper_line import TaperLine, fit_taper_line, merging_taper_m
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 from wzsumo.road import Road
@@ -24,13 +25,8 @@ from wzsumo.spec import Spec
 from wzsumo.tables import check_traces
 from wzsumo.units import mps_from_mph
 
-DOWNSTREAM_TAPER_M = 30.48  # per lane; MUTCD 11th ed., Table 6B-3: 50 to 100 ft
 DEFAULT_SPEED_MPS = 26.8  # 60 mph, where neither the posted speed nor the traces' own says more
 SPEED_SPELL_S = 3.0
-LEAST_USERS = 0.6  # traces in a lane that is said to end
-LEAST_RETURNING = 0.08  # share of the traces in a lane that is said to open again: at 2 m error up to 5 % seem to by mistake
-SLACK_STATIONS = 3  # of a trace in a closed lane: where it closes is known to about so many
-KINK_SLACK_M = 30.0  # of a kink beside the last lane change: three stations
 FADED = 0.01  # weight below which an old trace is dropped
 
 
@@ -50,14 +46,14 @@ class LaneStructure:
 
     spec: LaneStructureSpec
     axis: Road
+    before: MapBefore | None  # the road before the zone, where it is known: `axis` is its line then
     table: StationTable
     weights: FloatArray  # (traces,) 1 for a fresh trace, less for one that fades
     speed_mps: float
     path: CommonPath
     levels: LaneLevels
     shifts: tuple[Shift, ...]
-    closing: dict[int, TaperLine]  # by lane as counted in `levels`: where it ends
-    opening: dict[int, TaperLine]  # where it begins again, stations counted against the direction of travel
+    ends: LaneEnds  # of the lanes beside those that go through
     use: LaneUse  # of the lanes that go through
     chance: float  # that the lanes are these
     alternatives: tuple["LaneStructure", ...]  # other lanes that the same traces may have driven in, less likely
@@ -77,14 +73,22 @@ class TraceFit:
     n_stations: int
 
 
-def fit_lane_structure(traces: pd.DataFrame, *, spec: LaneStructureSpec, nominal: Road | None = None) -> LaneStructure:
-    """The model of a trace table. Raises TraceError where no trace can be used."""
+def fit_lane_structure(
+    traces: pd.DataFrame, *, spec: LaneStructureSpec, nominal: Road | None = None, before: MapBefore | None = None
+) -> LaneStructure:
+    """The model of a trace table. Raises TraceError where no trace can be used.
+
+    `before` says what is known of the road and of where the zone is announced; `nominal` is the road's line alone.
+    """
     checked = check_traces(traces, source="traces")
-    axis = nominal or reference_line_from_traces(checked)
+    axis = before.road if before else nominal or reference_line_from_traces(checked)
     table = tabulate(checked, axis)
     weights = np.ones(len(table.offsets))
-    path = fit_common_path(table.offsets, width=spec.lane_width_m, weights=weights)
-    return _model(spec, axis, table, weights, path, speed_mps=_speed(checked, spec))
+    path = fit_common_path(table.offsets, width=_width(spec, before)[0], weights=weights)
+    basis = _Basis(
+        spec=spec, axis=axis, before=before, table=table, weights=weights, speed_mps=_speed(checked, spec), path=path
+    )
+    return _model(basis)
 
 
 def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneStructure:
@@ -105,23 +109,15 @@ def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneSt
     width = model.levels.outer_width
     lanes = np.vstack([model.path.lanes[alive], _lanes_on(model.path, new.offsets, width=width)])
     path = extend(model.path, table.offsets, lanes, width=width, weights=weights)
-    return _updated(model, table, weights, path)
-
-
-def _updated(model: LaneStructure, table: StationTable, weights: FloatArray, path: CommonPath) -> LaneStructure:
-    levels = refresh(model.levels, path, weights=weights)
-    closing, opening = _tapers(model.spec, table, weights, levels, shifts=model.shifts, speed_mps=model.speed_mps)
-    alternatives = tuple(_updated(other, table, weights, path) for other in model.alternatives)
-    return replace(
-        model, table=table, weights=weights, path=path, levels=levels, closing=closing, opening=opening,
-        use=_use(model.spec, table, weights, levels), alternatives=alternatives,
-    )  # fmt: skip
+    basis = replace(_basis_of(model), table=table, weights=weights, path=path)
+    likely = [(one.chance, refresh(one.levels, path, weights=weights)) for one in (model, *model.alternatives)]
+    return _of_likeliest(basis, likely, shifts=model.shifts)
 
 
 def refit(model: LaneStructure) -> LaneStructure:
     """The model fitted anew, from lane changes to tapers, to the traces and weights that it holds."""
-    path = fit_common_path(model.table.offsets, width=model.spec.lane_width_m, weights=model.weights)
-    return _model(model.spec, model.axis, model.table, model.weights, path, speed_mps=model.speed_mps)
+    path = fit_common_path(model.table.offsets, width=_width(model.spec, model.before)[0], weights=model.weights)
+    return _model(replace(_basis_of(model), path=path))
 
 
 def fit_of(model: LaneStructure, trace: pd.DataFrame) -> TraceFit:
@@ -140,74 +136,69 @@ def fit_of(model: LaneStructure, trace: pd.DataFrame) -> TraceFit:
     return TraceFit(mean_square=square, shift_m=float(shift), n_stations=len(rest))
 
 
-def _model(
-    spec: LaneStructureSpec, axis: Road, table: StationTable, weights: FloatArray, path: CommonPath, *, speed_mps: float
-) -> LaneStructure:
-    shifts = tuple(find_shifts(table.stations, path.course))
-    models = []
-    for chance, levels in fit_lane_levels(
-        path, width=(spec.lane_width_m, spec.lane_width_sd_m), weights=weights, n_lanes=spec.open_lanes
-    ):
-        closing, opening = _tapers(spec, table, weights, levels, shifts=shifts, speed_mps=speed_mps)
-        model = LaneStructure(
-            spec=spec, axis=axis, table=table, weights=weights, speed_mps=speed_mps, path=path, levels=levels, shifts=shifts,
-            closing=closing, opening=opening, use=_use(spec, table, weights, levels), chance=chance, alternatives=(),
-        )  # fmt: skip
-        models.append(model)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Basis:
+    """What all lanes that the traces leave possible have in common."""
+
+    spec: LaneStructureSpec
+    axis: Road
+    before: MapBefore | None
+    table: StationTable
+    weights: FloatArray
+    speed_mps: float
+    path: CommonPath
+
+
+def _basis_of(model: LaneStructure) -> _Basis:
+    return _Basis(**{field.name: getattr(model, field.name) for field in fields(_Basis)})
+
+
+def _width(spec: LaneStructureSpec, before: MapBefore | None) -> tuple[float, float]:
+    """Mean and standard deviation [m] of the lanes' width outside the zone, beforehand."""
+    return (before.lane_width, WIDTH_SD_M) if before else (spec.lane_width_m, spec.lane_width_sd_m)
+
+
+def _model(basis: _Basis) -> LaneStructure:
+    likely = fit_lane_levels(
+        basis.path, width=_width(basis.spec, basis.before), weights=basis.weights, n_lanes=basis.spec.open_lanes
+    )
+    return _of_likeliest(basis, likely, shifts=tuple(find_shifts(basis.table.stations, basis.path.course)))
+
+
+def _of_likeliest(basis: _Basis, likely: list[tuple[float, LaneLevels]], *, shifts: tuple[Shift, ...]) -> LaneStructure:
+    """The model of the likeliest of (chance, levels), with the others as its alternatives."""
+    anchors = [_anchor(basis, levels) for _, levels in likely]
+    fits = np.array([anchor.log_fit for anchor in anchors])
+    chances = np.array([chance for chance, _ in likely])
+    if np.isfinite(fits).any():  # else no hypothesis fits the road before: the traces alone have to say
+        chances = chances * np.exp(fits - fits.max())
+    chances /= chances.sum()
+    models = [
+        _of_levels(basis, anchors[i], float(chances[i]), shifts=shifts)
+        for i in np.argsort(-chances, kind="stable")
+        if chances[i]
+    ]
     return replace(models[0], alternatives=tuple(models[1:]))
 
 
-def _use(spec: LaneStructureSpec, table: StationTable, weights: FloatArray, levels: LaneLevels) -> LaneUse:
-    return fit_lane_use(table, weights, levels, half_vehicle_m=spec.vehicle_width_m / 2)
+def _anchor(basis: _Basis, levels: LaneLevels) -> Anchor:
+    if basis.before is None:
+        return Anchor(levels=levels, first_lane=None, log_fit=0.0)
+    return anchored(levels, basis.path, basis.table, basis.before, basis.weights)
 
 
-def _tapers(
-    spec: LaneStructureSpec,
-    table: StationTable,
-    weights: FloatArray,
-    levels: LaneLevels,
-    *,
-    shifts: tuple[Shift, ...],
-    speed_mps: float,
-) -> tuple[dict[int, TaperLine], dict[int, TaperLine]]:
-    """Lines across the lanes that are closed at the core, where vehicles left them and where they took them again."""
-    stations = table.stations
-    length = merging_taper_m(speed_mps, width_m=levels.outer_width)
-    half_vehicle = spec.vehicle_width_m / 2 / levels.outer_width
-    core = stations[levels.core]
-    whole = np.rint(levels.lanes).astype(int)
-    # One who seems to drive where the lanes are closed was mistaken: such a trace says nothing of where they end.
-    beyond = (whole >= levels.n_lanes) | (whole < 0)
-    trusted = beyond[:, levels.closes : levels.opens].sum(axis=1) <= SLACK_STATIONS
-    before, after = stations <= core, stations >= core
-    closing: dict[int, TaperLine] = {}
-    opening: dict[int, TaperLine] = {}
-    for lane in levels.closed:
-        side = 1 if lane > 0 else -1
-        adjacent = lane in {-1, levels.n_lanes}
-        # Share of this lane's width that a vehicle's centre still has to go to the middle of the next lane inwards.
-        share = np.clip(side * (levels.lanes - lane) + 1.0, -1.0, 1.0)
-        for shares, at, sign, found, taper in (
-            (share[:, before], stations[before], 1, closing, length),
-            (share[:, after], -stations[after], -1, opening, DOWNSTREAM_TAPER_M),
-        ):
-            using = trusted & (shares.max(axis=1, initial=-1.0) > 0.5)
-            users = shares[using]
-            least = LEAST_USERS * min(1.0, weights.sum()) if found is closing else LEAST_RETURNING * weights.sum()
-            if weights[using].sum() <= least:
-                continue
-            # Shifts away from the closed side follow the last merge; shifts back come before the first return.
-            last = float(at[(users > 0.05).any(axis=0)].max())
-            kinks = [
-                (abs(shift.size), sign * (shift.start if sign > 0 else shift.end))
-                for shift in shifts
-                if adjacent and shift.size * side * sign < 0 and (shift.start - core) * (shift.end - core) > 0
-            ]
-            kinks = [(size, kink) for size, kink in kinks if last - KINK_SLACK_M < kink < sign * core]
-            found[lane] = fit_taper_line(
-                at, users, length=taper, half_vehicle=half_vehicle, kink=max(kinks)[1] if kinks else None
-            )
-    return closing, opening
+def _of_levels(basis: _Basis, anchor: Anchor, chance: float, *, shifts: tuple[Shift, ...]) -> LaneStructure:
+    levels, vehicle_m = anchor.levels, basis.spec.vehicle_width_m
+    before = basis.before if anchor.first_lane is not None else None
+    ends = fit_lane_ends(
+        basis.table, basis.weights, levels, lanes=lanes_that_close(levels, anchor, before) if before else levels.closed,
+        announced=before.announced if before else None, shifts=shifts, speed_mps=basis.speed_mps,
+        vehicle_width_m=vehicle_m,
+    )  # fmt: skip
+    return LaneStructure(
+        **vars(basis), levels=levels, shifts=shifts, ends=ends, chance=chance, alternatives=(),
+        use=fit_lane_use(basis.table, basis.weights, levels, half_vehicle_m=vehicle_m / 2),
+    )  # fmt: skip
 
 
 def _lanes_on(path: CommonPath, offsets: FloatArray, *, width: float) -> FloatArray:

@@ -7,10 +7,11 @@ import pandas as pd
 
 from wzsumo.crowd_mapping.belief import belief
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec, fit_lane_structure
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.grid import OccupancyGrid
 from wzsumo.road import Road
 
-__all__ = ["LaneStructureSpec", "LaneStructuredMap", "describe", "lane_structured_map"]
+__all__ = ["LaneStructureSpec", "LaneStructuredMap", "MapBefore", "describe", "lane_structured_map"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,15 +30,17 @@ def lane_structured_map(
     grid: OccupancyGrid,
     seed: int,
     nominal: Road | None = None,
+    before: MapBefore | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> LaneStructuredMap:
     """The lane-structured map of a trace table on the cells of `grid`, whose values are not used.
 
-    `nominal` is the road's line where a map has one. The fit draws no random numbers; the seed is for the common interface.
+    `nominal` is the road's line where a map has one, `before` the whole road and where the zone is announced. The fit draws no
+    random numbers; the seed is for the common interface.
     `progress` is told (done, all).
     """
     del seed
-    model = fit_lane_structure(traces, spec=spec, nominal=nominal)
+    model = fit_lane_structure(traces, spec=spec, nominal=nominal, before=before)
     return LaneStructuredMap(grid=belief(model, grid, progress=progress), model=model, report=describe(model))
 
 
@@ -56,7 +59,7 @@ def describe(model: LaneStructure) -> dict[str, object]:
         "spread_between_traces_m": levels.spread,
         "drift_m_per_10_m": model.path.drift_m,
         "noise_m": model.path.noise_m,
-        "taper_end_m": {lane: line.end for lane, line in model.closing.items()},
-        "taper_end_sd_m": {lane: line.end_sd for lane, line in model.closing.items()},
+        "taper_end_m": {lane: line.end for lane, line in model.ends.closing.items()},
+        "taper_end_sd_m": {lane: line.end_sd for lane, line in model.ends.closing.items()},
         "shifts": [(shift.start, shift.end, shift.size) for shift in model.shifts],
     }

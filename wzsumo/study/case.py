@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from wzsumo import __version__
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.ego import EgoRun
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray
@@ -116,7 +117,8 @@ def map_of_zone(method: str, crowd: Crowd, *, scenario: Scenario, site: Site) ->
     """The map that a method makes of the crowd; outside the zone, where the road is as it was, the nominal map holds."""
     make = MAP_METHODS[method]
     half_width = scenario.vehicle.width_m / 2
-    learned = make(crowd, spec=scenario.mixture, cells=site.cells, half_width_m=half_width, seed=scenario.seed)
+    before = MapBefore(road=site.layout.road, start=site.layout.start, end=site.layout.end)
+    learned = make(crowd, spec=scenario.mixture, cells=site.cells, half_width_m=half_width, before=before, seed=scenario.seed)
     return learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
 
 

@@ -97,7 +97,7 @@ def _by_mixture(
     part = traces.iloc[:: max(1, -(-len(traces) // MIXTURE_FIXES))]
     with progress("mixtures", 2 * spec.k_max) as tell:
         crowd = learn_from(part, spec=spec, seed=seed, progress=lambda done, _: tell(done))
-    grid = MAP_METHODS[method](crowd, spec=spec, cells=cells, half_width_m=half_width_m, seed=seed)
+    grid = MAP_METHODS[method](crowd, spec=spec, cells=cells, half_width_m=half_width_m, before=None, seed=seed)
     return grid, {"n_components": crowd.mixture.n_components}
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from wzsumo.crowd_mapping.drivable_area import MixtureSpec, samples_inside, squares_map, swept_map
-from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, MapBefore, lane_structured_map
 from wzsumo.crowd_mapping.mixture import Mixture
 from wzsumo.crowd_mapping.selection import MixtureSweep, sweep_mixtures
 from wzsumo.frames import FloatArray
@@ -36,29 +36,37 @@ def learn_from(
     return Crowd(traces=traces, sweep=sweep, mixture=mixture, samples=samples_inside(mixture, spec=spec, seed=seed))
 
 
-def paper_literal(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
+def paper_literal(
+    crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
+) -> OccupancyGrid:
     """The paper's inverse grid with its 5 x 5 inch squares."""
-    del half_width_m, seed
+    del half_width_m, before, seed
     return squares_map(crowd.samples, side_m=spec.literal_square_m, grid=cells)
 
 
-def paper(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
+def paper(
+    crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
+) -> OccupancyGrid:
     """The paper's inverse grid with squares so large that the samples join."""
-    del half_width_m, seed
+    del half_width_m, before, seed
     return squares_map(crowd.samples, side_m=spec.square_m, grid=cells)
 
 
-def swept(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
+def swept(
+    crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
+) -> OccupancyGrid:
     """The 95 % region of vehicle centres, swept by the vehicle's width."""
-    del seed
+    del before, seed
     return swept_map(crowd.mixture, half_width_m=half_width_m, spec=spec, grid=cells)
 
 
-def lanes(crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, seed: int) -> OccupancyGrid:
+def lanes(
+    crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
+) -> OccupancyGrid:
     """The lanes that the traces were driven in, with a probability in every cell."""
     del spec
     lane_spec = LaneStructureSpec(vehicle_width_m=2 * half_width_m)
-    return lane_structured_map(crowd.traces, spec=lane_spec, grid=cells, seed=seed).grid
+    return lane_structured_map(crowd.traces, spec=lane_spec, grid=cells, seed=seed, before=before).grid
 
 
 MAP_METHODS = {method.__name__: method for method in (paper_literal, paper, swept, lanes)}

@@ -1,0 +1,114 @@
+"""Where lanes beside the open ones end and begin again: lines of devices, told by vehicles, shifts and the announcement."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wzsumo.crowd_mapping.kinks import Shift
+from wzsumo.crowd_mapping.lane_levels import LaneLevels
+from wzsumo.crowd_mapping.station_table import StationTable
+from wzsumo.crowd_mapping.taper_line import Announcement, TaperLine, fit_taper_line, merging_taper_m
+from wzsumo.frames import FloatArray
+
+DOWNSTREAM_TAPER_M = 30.48  # per lane; MUTCD 11th ed., Table 6B-3: 50 to 100 ft
+LEAST_USERS = 0.6  # traces in a lane that is said to end
+LEAST_RETURNING = 0.08  # share of the traces in a lane that is said to open again: at 2 m error up to 5 % seem to by mistake
+SLACK_STATIONS = 3  # of a trace in a closed lane: where it closes is known to about so many
+KINK_SLACK_M = 30.0  # of a kink beside the last lane change: three stations
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneEnds:
+    """Lines across the lanes beside the open ones, by lane as counted in `LaneLevels`.
+
+    `closing`: where a lane ends; `opening`: where it begins again, stations counted against the direction of travel.
+    """
+
+    closing: dict[int, TaperLine]
+    opening: dict[int, TaperLine]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Announced:
+    """The station [m] of a zone's first device, and the road's shoulders, right and left, in lane widths."""
+
+    station: float
+    shoulders: tuple[float, float]
+
+    def ahead_of(self, lane: int, *, lanes_before: int) -> Announcement:
+        """The announcement for a lane on the right (below 0) or on the left."""
+        return Announcement(station=self.station, lanes_before=lanes_before, shoulder=self.shoulders[lane > 0])
+
+
+def fit_lane_ends(
+    table: StationTable,
+    weights: FloatArray,
+    levels: LaneLevels,
+    *,
+    lanes: tuple[int, ...],
+    announced: Announced | None,
+    shifts: tuple[Shift, ...],
+    speed_mps: float,
+    vehicle_width_m: float,
+) -> LaneEnds:
+    """The ends of `lanes`; `announced` is what is known of the zone's beginning, if anything is."""
+    ways = _Ways(table, weights, levels, half_vehicle=vehicle_width_m / 2 / levels.outer_width, shifts=shifts)
+    merging_m = merging_taper_m(speed_mps, width_m=levels.outer_width)
+    closing: dict[int, TaperLine] = {}
+    opening: dict[int, TaperLine] = {}
+    for lane in lanes:
+        outer = sum(abs(other) > abs(lane) and other * lane >= 0 for other in lanes)
+        begins = announced.ahead_of(lane, lanes_before=outer) if announced else None
+        if line := ways.end_of(
+            lane, length=merging_m, sign=1, announcement=begins, least=LEAST_USERS * min(1.0, weights.sum())
+        ):
+            closing[lane] = line
+        if line := ways.end_of(
+            lane, length=DOWNSTREAM_TAPER_M, sign=-1, announcement=None, least=LEAST_RETURNING * weights.sum()
+        ):
+            opening[lane] = line
+    return LaneEnds(closing=closing, opening=opening)
+
+
+class _Ways:
+    """The vehicles' ways out of the lanes that end, and into those that begin again (sign -1, seen backwards)."""
+
+    def __init__(
+        self, table: StationTable, weights: FloatArray, levels: LaneLevels, *, half_vehicle: float, shifts: tuple[Shift, ...]
+    ) -> None:
+        self.stations, self.weights, self.levels = table.stations, weights, levels
+        self.half_vehicle, self.shifts = half_vehicle, shifts
+        whole = np.rint(levels.lanes).astype(int)
+        # One who seems to drive where the lanes are closed was mistaken: such a trace says nothing of where they end.
+        beyond = (whole >= levels.n_lanes) | (whole < 0)
+        self.trusted = beyond[:, levels.closes : levels.opens].sum(axis=1) <= SLACK_STATIONS
+        self.core = table.stations[levels.core]
+
+    def end_of(
+        self, lane: int, *, length: float, sign: int, announcement: Announcement | None, least: float
+    ) -> TaperLine | None:
+        """The line across a lane on one side of the core; None where neither vehicles nor an announcement tell of it."""
+        side = 1 if lane > 0 else -1
+        near = sign * self.stations <= sign * self.core
+        at = sign * self.stations[near]
+        # Share of this lane's width that a vehicle's centre still has to go to the middle of the next lane inwards.
+        shares = np.clip(side * (self.levels.lanes[:, near] - lane) + 1.0, -1.0, 1.0)
+        using = self.trusted & (shares.max(axis=1, initial=-1.0) > 0.5)
+        if self.weights[using].sum() <= least:
+            using = np.zeros_like(using)
+        if not using.any() and announcement is None:
+            return None
+        users = shares[using]
+        # Shifts away from the closed side follow the last merge; shifts back come before the first return.
+        last = float(at[(users > 0.05).any(axis=0)].max()) if using.any() else -np.inf
+        adjacent = lane in {-1, self.levels.n_lanes}
+        kinks = [
+            (abs(shift.size), kink)
+            for shift in self.shifts
+            if adjacent and shift.size * side * sign < 0 and (shift.start - self.core) * (shift.end - self.core) > 0
+            if last - KINK_SLACK_M < (kink := sign * (shift.start if sign > 0 else shift.end)) < sign * self.core
+        ]
+        return fit_taper_line(
+            at, users, length=length, half_vehicle=self.half_vehicle, kink=max(kinks)[1] if kinks else None,
+            announcement=announcement,
+        )  # fmt: skip

@@ -1,0 +1,100 @@
+"""MapBefore: the road as it was before the work zone, and where the zone is announced, as a nominal map has both.
+
+Outside the announced zone drivers keep to lanes that are known: that says which lanes the open ones are, where they lie better
+than the traces' own levels do, and that every lane is open up to the zone's first device.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wzsumo.crowd_mapping.common_path import CommonPath
+from wzsumo.crowd_mapping.lane_ends import Announced
+from wzsumo.crowd_mapping.lane_levels import LaneLevels
+from wzsumo.crowd_mapping.station_table import StationTable
+from wzsumo.errors import TraceError
+from wzsumo.frames import FloatArray
+from wzsumo.road import Road
+
+WIDTH_SD_M = 0.03  # of the striped lanes: a painter's accuracy
+LEAST_STATIONS = 2  # outside the zone, without which nothing is anchored
+SHY_SD_M = 0.05  # drivers as a whole keep to the middle of lanes beside devices as exactly as before them: a guess
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapBefore:
+    """The road, and the stations [m] on it between which the work zone is announced: from its first device to its last."""
+
+    road: Road
+    start: float
+    end: float
+
+    def __post_init__(self) -> None:
+        if not self.start < self.end:
+            raise TraceError(f"the announced zone must begin before it ends (given: {self.start:g} m to {self.end:g} m)")
+
+    @property
+    def lane_width(self) -> float:
+        """Mean width [m] of the lanes of this direction."""
+        return self.road.own_width / self.road.own_lanes
+
+    @property
+    def announced(self) -> Announced:
+        """What is known of the zone's beginning."""
+        shoulders = (self.road.right_shoulder, 0.0 if self.road.opposing_lanes else self.road.left_shoulder)
+        return Announced(station=self.start, shoulders=(shoulders[0] / self.lane_width, shoulders[1] / self.lane_width))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Anchor:
+    """What the lanes outside the zone say: the levels moved to them, the road's lane that lane 0 is, and how well it fits.
+
+    `first_lane` is None where no trace reaches beyond the zone.
+    """
+
+    levels: LaneLevels
+    first_lane: int | None
+    log_fit: float
+
+
+def anchored(levels: LaneLevels, path: CommonPath, table: StationTable, before: MapBefore, weights: FloatArray) -> Anchor:
+    """The levels corrected by the stations outside the announced zone, whose offsets are in the frame of `before.road`."""
+    outside = (table.stations < before.start) | (table.stations > before.end)
+    seen = (weights[:, None] * np.isfinite(table.offsets)).sum(axis=0)
+    outside &= seen > 0
+    if outside.sum() < LEAST_STATIONS:
+        return Anchor(levels=levels, first_lane=None, log_fit=0.0)
+    n = float(weights.sum())
+    # Between two ends that are known a random walk strays by a sixth of what it would from one to the other.
+    inside = max(len(outside) - int(outside.sum()), 1)
+    variance = (path.noise_m**2 / outside.sum() + path.drift_m**2 * inside / 6) / n + SHY_SD_M**2
+    level = np.average(path.course[outside], weights=seen[outside])
+    middle = (levels.n_lanes - 1) / 2
+    here = level + levels.right + levels.width * middle
+    candidates = [
+        lane
+        for lane in range(before.road.own_lanes - levels.n_lanes + 1)
+        if all(0 <= lane + closed < before.road.own_lanes for closed in levels.closed)
+    ]
+    if not candidates:
+        return Anchor(levels=levels, first_lane=None, log_fit=-np.inf)
+    centres = np.array([before.road.lane_centre(lane) + before.lane_width * middle for lane in candidates])
+    own = levels.right_sd**2 + (middle * levels.width_sd) ** 2
+    best = int(np.argmin(np.abs(centres - here)))
+    miss = centres[best] - here
+    share = own / (own + variance)
+    sd = float(np.sqrt(max(levels.right_sd**2 - own * share, 1e-6)))
+    return Anchor(
+        levels=replace(levels, right=levels.right + share * miss, right_sd=sd),
+        first_lane=candidates[best],
+        log_fit=float(-0.5 * miss**2 / (own + variance) - 0.5 * np.log(own + variance)),
+    )
+
+
+def lanes_that_close(levels: LaneLevels, anchor: Anchor, before: MapBefore) -> tuple[int, ...]:
+    """Lanes of the road, as counted in `levels`, that do not go through: on the right (negative) and on the left."""
+    if anchor.first_lane is None:
+        return levels.closed
+    return tuple(
+        lane - anchor.first_lane for lane in range(before.road.own_lanes) if not 0 <= lane - anchor.first_lane < levels.n_lanes
+    )
