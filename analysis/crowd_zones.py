@@ -90,7 +90,7 @@ def true_traces(name: str, seed: int, *, cache: Path) -> pd.DataFrame:
     if not path.exists():
         scenario = ZONES[name]
         with TemporaryDirectory() as folder:
-            files = write_sumo_files(scenario.layout(), Path(folder), spec=scenario.simulation, seed=seed)
+            files = write_sumo_files(scenario.layout(), Path(folder), spec=scenario.zone_simulation(), seed=seed)
             fleet = simulate_fleet(files, on_second=lambda _time: None)
         traces = traces_over_zone(fleet, scenario.layout())
         cache.mkdir(parents=True, exist_ok=True)

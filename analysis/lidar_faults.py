@@ -98,7 +98,7 @@ def run_seed(seed, given, done):
     scenario = load_scenario(given.scenario, seed=seed)
     site = prepare_site(scenario)
     with tempfile.TemporaryDirectory() as folder:
-        files = write_sumo_files(site.layout, Path(folder), spec=scenario.simulation, seed=seed)
+        files = write_sumo_files(site.layout, Path(folder), spec=scenario.zone_simulation(), seed=seed)
         fleet = simulate_fleet(files, on_second=lambda _: None)
         for name in left:
             row, path = row_of(name, scenario, site, files, fleet), given.out / "rows.csv"

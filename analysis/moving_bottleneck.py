@@ -63,7 +63,7 @@ def run(scenario: Scenario, *, share: float, speed: float) -> dict[str, float]:
     layout = scenario.layout()
     end = layout.area("activity area").end
     with tempfile.TemporaryDirectory() as folder:
-        files = write_sumo_files(layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
+        files = write_sumo_files(layout, Path(folder), spec=scenario.zone_simulation(), seed=scenario.seed)
         trips = Path(folder) / "trips.xml"
         passed, behind, automated, limited = 0, set(), set(), set()
         with running(files.config, options=("--tripinfo-output", str(trips), *TRIP_OPTIONS)) as session:

@@ -87,7 +87,7 @@ def bare_sumo_s(study: Study) -> float:
     """Processor time of SUMO alone on the first simulation, without any output."""
     scenario = study.cases[0].scenario
     with tempfile.TemporaryDirectory() as folder:
-        files = write_sumo_files(scenario.layout(), Path(folder), spec=scenario.simulation, seed=scenario.seed)
+        files = write_sumo_files(scenario.layout(), Path(folder), spec=scenario.zone_simulation(), seed=scenario.seed)
         command = [str(sumo_binary("sumo")), "--configuration-file", str(files.config), "--no-warnings"]
         return _processor_s(lambda: subprocess.run(command, check=True, capture_output=True))
 

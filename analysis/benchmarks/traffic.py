@@ -32,7 +32,7 @@ def main() -> None:
     args = parser.parse_args()
     scenario = load_scenario(args.scenario, seed=SEED)
     with tempfile.TemporaryDirectory() as folder:
-        files = write_sumo_files(scenario.layout(), Path(folder), spec=scenario.simulation, seed=SEED)
+        files = write_sumo_files(scenario.layout(), Path(folder), spec=scenario.zone_simulation(), seed=SEED)
         updates = len(simulate_fleet(files, on_second=lambda _: None))
         fcd = ("--fcd-output", f"{folder}/fcd.parquet", "--fcd-output.attributes", "x,y,angle,speed,type", "--precision", "3")
         logged = (*fcd, "--tripinfo-output", f"{folder}/trips.xml", *TRIP_OPTIONS)

@@ -33,28 +33,40 @@ def test_signs_on_a_freeway_stand_on_both_sides_clear_of_the_pavement():
 
 
 @pytest.mark.parametrize(
-    ("zone", "texts"),
+    ("zone", "texts", "codes"),
     [
-        ({}, ["ROAD WORK AHEAD", "LEFT LANE CLOSED AHEAD", "LEFT LANE ENDS"]),
-        ({"closed_lanes": (0,), "closed_shoulder": "right"}, ["ROAD WORK AHEAD", "RIGHT LANE CLOSED AHEAD", "RIGHT LANE ENDS"]),
+        ({}, ["ROAD WORK AHEAD", "LEFT LANE CLOSED AHEAD", "LEFT LANE ENDS"], ["W20-1", "W20-5L", "W4-2L"]),
+        (
+            {"closed_lanes": (0,), "closed_shoulder": "right"},
+            ["ROAD WORK AHEAD", "RIGHT LANE CLOSED AHEAD", "RIGHT LANE ENDS"],
+            ["W20-1", "W20-5R", "W4-2R"],
+        ),
         (
             {"closed_lanes": (0, 1), "closed_shoulder": None, "shift_ft": 0, "shifted_lane_width_ft": None},
             ["ROAD WORK AHEAD", "2 RIGHT LANES CLOSED AHEAD", "RIGHT LANE ENDS"],
+            ["W20-1", "W20-5aR", "W4-2R"],  # Figure 6P-37
         ),
         (
             {"closed_lanes": (1,), "shift_ft": 0, "shifted_lane_width_ft": None},
-            ["ROAD WORK AHEAD", "CENTER LANE CLOSED AHEAD", "LEFT LANE ENDS"],
+            ["ROAD WORK AHEAD", "LEFT LANE CLOSED AHEAD", "LEFT LANE ENDS"],
+            ["W20-1", "W20-5L", "W4-2L"],  # Figure 6P-38: the left lane closes first
         ),
-        ({"closed_lanes": (), "shift_ft": 10}, ["ROAD WORK AHEAD", "STAY IN LANE", "REVERSE CURVE"]),
+        (
+            {"closed_lanes": (), "shift_ft": 10},
+            ["ROAD WORK AHEAD", "STAY IN LANE", "REVERSE CURVE"],
+            ["W20-1", "R4-9", "W1-4cR"],  # three lanes, three arrows: Figure 6P-36
+        ),
         (
             {"closed_lanes": (), "shift_ft": 0, "shifted_lane_width_ft": None},
             ["ROAD WORK AHEAD", "LEFT SHOULDER CLOSED AHEAD", "LEFT SHOULDER CLOSED"],
+            ["W20-1", "W21-5bL", "W21-5aL"],
         ),
     ],
 )
-def test_signs_say_what_is_closed(zone, texts):
-    road = paper_road(length_ft=8000)
-    assert lay_out(paper_work_zone(road_type="rural", **zone), road).signs["text"].tolist() == [*texts, "END ROAD WORK"]
+def test_signs_say_what_is_closed_under_the_manuals_codes(zone, texts, codes):
+    signs = lay_out(paper_work_zone(road_type="rural", **zone), paper_road(length_ft=8000)).signs
+    assert signs["text"].tolist() == [*texts, "END ROAD WORK"]
+    assert signs["code"].tolist() == [*codes, "G20-2"]
 
 
 @pytest.mark.parametrize(("control", "nearest"), [("signal", "SIGNAL AHEAD"), ("flaggers", "FLAGGER")])

@@ -7,7 +7,7 @@ from builders import paper_layout, paper_road, paper_work_zone
 from wzsumo.errors import SpecError
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec, write_demand
-from wzsumo.simulation.drivers import DRIVER_PRESETS
+from wzsumo.simulation.drivers import DRIVER_PRESETS, hcm_drivers
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.simulation.network import edges_of, opposing_edges_of
 from wzsumo.spec import parse_spec
@@ -120,6 +120,25 @@ def test_fitted_presets_name_the_step_and_the_lateral_resolution_that_the_toolki
     assert fitted.calibrated_lateral_resolution_m == runs.lateral_resolution_m
 
 
+@pytest.mark.parametrize(("slower", "faster"), [("2_to_1_rural", "2_to_1_urban"), ("2_to_1_urban", "3_to_2_urban")])
+def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower, faster):
+    # HCM 7: 1412, 1591 and 1783.5 pc/h and lane.
+    slow, fast = DRIVER_PRESETS[f"hcm_{slower}"], DRIVER_PRESETS[f"hcm_{faster}"]
+    assert slow.tau_s > fast.tau_s
+    assert slow.truck_tau_s > fast.truck_tau_s
+
+
+@pytest.mark.parametrize("discharge", [1353, 1411, 1822])
+def test_discharge_beyond_what_drivers_were_fitted_to_is_refused_with_the_range(discharge):
+    with pytest.raises(SpecError, match=rf"discharge {discharge} pc/h and lane, .* 1412 to 1784 .*drivers = .uncalibrated"):
+        hcm_drivers(discharge)
+
+
+def test_demand_whose_drivers_only_the_zone_decides_is_not_written_without_one(tmp_path):
+    with pytest.raises(SpecError, match="decided by the zone"):
+        demand(tmp_path, drivers="hcm")
+
+
 def test_nobody_brakes_harder_than_the_service_brake(tmp_path):
     types = ET.parse(demand(tmp_path)).getroot().findall("vType")  # noqa: S314 our own file
     assert {(t.get("vClass"), t.get("decel"), t.get("emergencyDecel")) for t in types} == {
@@ -132,8 +151,9 @@ def test_nobody_brakes_harder_than_the_service_brake(tmp_path):
 def test_drivers_refuse_a_step_or_a_lateral_model_that_they_were_not_calibrated_with(key):
     fitted = {"name": "fitted", "calibrated_step_length_s": 0.1, "calibrated_lateral_resolution_m": 0.45}
     parse_spec(SimulationSpec, {"demand": {"drivers": fitted}}, source="simulation")
-    with pytest.raises(SpecError, match=rf'{key}=0\.2 does not go with drivers "fitted", .* set {key} = 0\.'):
-        parse_spec(SimulationSpec, {key: 0.2, "demand": {"drivers": fitted}}, source="simulation")
+    for drivers, name in ((fitted, "fitted"), ("hcm", "hcm")):
+        with pytest.raises(SpecError, match=rf'{key}=0\.2 does not go with drivers "{name}", .* set {key} = 0\.'):
+            parse_spec(SimulationSpec, {key: 0.2, "demand": {"drivers": drivers}}, source="simulation")
 
 
 @pytest.mark.parametrize(
@@ -146,7 +166,10 @@ def test_drivers_refuse_a_step_or_a_lateral_model_that_they_were_not_calibrated_
         ({"flow": 1000}, "flow: unknown key .*flow_vph"),
         ({"flow_profile": [[60, 900]]}, r"flow_profile=\(\(60\.0, 900\.0\),\) must be pairs of a time"),
         ({"flow_profile": [[0, 900], [60, 0]]}, "flow_profile=.* a flow above 0 veh/h"),
-        ({"drivers": "aggressive"}, "drivers='aggressive': unknown drivers; known presets: uncalibrated"),
+        (
+            {"drivers": "aggressive"},
+            "drivers='aggressive': unknown drivers; known presets: uncalibrated, hcm, hcm_2_to_1_urban",
+        ),
         ({"drivers": {"tau_s": 0}}, "drivers.tau_s=0"),
         ({"drivers": {"tau": 1}}, "drivers.tau: unknown key .*tau_s"),
     ],

@@ -46,7 +46,7 @@ def test_scenario_is_laid_out_with_its_devices_on_the_pavement_and_its_ego_on_th
 def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_path):
     scenario = load_scenario(path)
     layout = scenario.layout()
-    write_sumo_files(layout, tmp_path, spec=scenario.simulation, seed=scenario.seed)
+    write_sumo_files(layout, tmp_path, spec=scenario.zone_simulation(), seed=scenario.seed)
     net = ET.parse(tmp_path / "zone.net.xml").getroot()  # noqa: S314 our own file
     ids = {edge.get("id") for edge in net.findall("edge") if edge.get("function") != "internal"}
     assert ids == {edge.id for edge in (*edges_of(layout), *opposing_edges_of(layout))}
@@ -76,8 +76,9 @@ def driven(tmp_path_factory):
     def drive(name):
         if name not in done:
             scenario = load_scenario(next(path for path in LIBRARY if path.stem == name))
-            demand = scenario.simulation.demand.model_copy(update={"duration_s": float(DRIVEN[name])})
-            spec = scenario.simulation.model_copy(update={"demand": demand})
+            simulation = scenario.zone_simulation()
+            demand = simulation.demand.model_copy(update={"duration_s": float(DRIVEN[name])})
+            spec = simulation.model_copy(update={"demand": demand})
             layout, folder = scenario.layout(), tmp_path_factory.mktemp(name)
             done[name] = layout, simulate_fleet(write_sumo_files(layout, folder, spec=spec, seed=21), on_second=lambda _: None)
         return done[name]

@@ -12,6 +12,7 @@ from wzsumo.work_zone import SIGN_COLUMNS, Area, RoadType, TakingTurns, WorkZone
 BEYOND_THE_EDGE_FT = 6.0  # from the pavement's edge to the sign: MUTCD 11th ed., Section 2A.16, beside a shoulder
 END_SIGN_FT = 500.0  # from the end of the zone to END ROAD WORK, as the freeway applications of Chapter 6P draw it
 
+REVERSE_CURVE_BY_LANES = {1: "W1-4", 2: "W1-4b"}  # W1-4c shows three arrows, the most of any: Figure 6P-36
 Sign = tuple[str, str]  # code and text; the texts of symbol signs are their names
 ROAD_WORK_AHEAD, END_ROAD_WORK = ("W20-1", "ROAD WORK AHEAD"), ("G20-2", "END ROAD WORK")
 
@@ -25,16 +26,16 @@ def advance_signs(work_zone: WorkZone, closure: Closure) -> tuple[Sign, Sign, Si
     if work_zone.one_lane_two_way:
         nearest = ("W3-3", "SIGNAL AHEAD") if work_zone.one_lane_two_way == "signal" else ("W20-7", "FLAGGER")
         return nearest, ("W20-4", "ONE LANE ROAD AHEAD"), ROAD_WORK_AHEAD
-    if closure.is_interior:
-        return (f"W4-2{side[0]}", f"{side} LANE ENDS"), ("W9-3", "CENTER LANE CLOSED AHEAD"), ROAD_WORK_AHEAD
-    if closure.count:
+    if closure.count:  # an interior closure too: its outer lanes close first, Figure 6P-38
         lanes = f"{side} LANE" if closure.count == 1 else f"{closure.count} {side} LANES"
-        closed = ("W20-5" if closure.count == 1 else "W20-5a", f"{lanes} CLOSED AHEAD")
+        closed = (f"W20-5{side[0]}" if closure.count == 1 else f"W20-5a{side[0]}", f"{lanes} CLOSED AHEAD")
         return (f"W4-2{side[0]}", f"{side} LANE ENDS"), closed, ROAD_WORK_AHEAD
     if work_zone.shift_ft:
         away = "R" if closure.side == "left" else "L"
-        return (f"W1-4{away}", "REVERSE CURVE"), ("R4-9", "STAY IN LANE"), ROAD_WORK_AHEAD
-    return ("W21-5a", f"{side} SHOULDER CLOSED"), ("W21-5b", f"{side} SHOULDER CLOSED AHEAD"), ROAD_WORK_AHEAD
+        reverse_curve = REVERSE_CURVE_BY_LANES.get(closure.n_open, "W1-4c")
+        return (f"{reverse_curve}{away}", "REVERSE CURVE"), ("R4-9", "STAY IN LANE"), ROAD_WORK_AHEAD
+    text = f"{side} SHOULDER CLOSED"
+    return (f"W21-5a{side[0]}", text), (f"W21-5b{side[0]}", f"{text} AHEAD"), ROAD_WORK_AHEAD
 
 
 def sign_table(work_zone: WorkZone, closure: Closure, *, areas: tuple[Area, ...], turns: TakingTurns | None) -> pd.DataFrame:

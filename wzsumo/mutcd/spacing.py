@@ -18,7 +18,7 @@ BARRIER_SEGMENT_FT = 12.5  # length of one piece of the wall (AASHTO Roadside De
 SHORT_TAPER_SPACING_FT = 20.0  # in downstream and one-lane two-way tapers: MUTCD 11th ed., Section 6B.08
 
 # Distances A, B, C [ft]: from the first taper to the nearest sign, from it to the second, from that to the third.
-# Source: MUTCD 11th ed., Table 6B-1.
+# Source: MUTCD 11th ed., Table 6B-1, p. 773.
 SIGN_SPACING_FT = {
     RoadType.URBAN_LOW_SPEED: (100, 100, 100),
     RoadType.URBAN_HIGH_SPEED: (350, 350, 350),
@@ -28,12 +28,12 @@ SIGN_SPACING_FT = {
 
 
 def taper_spacing_ft(speed_mph: float) -> float:
-    """Largest device spacing [ft] in a taper: the speed in mph. Source: MUTCD 11th ed., Section 6K.01."""
+    """Largest device spacing [ft] in a taper: the speed in mph. Source: MUTCD 11th ed., Section 6K.01, p. 815."""
     return speed_mph
 
 
 def tangent_spacing_ft(speed_mph: float) -> float:
-    """Largest device spacing [ft] in a tangent: twice the speed in mph. Source: MUTCD 11th ed., Section 6K.01."""
+    """Largest device spacing [ft] in a tangent: twice the speed in mph. Source: MUTCD 11th ed., Section 6K.01, p. 815."""
     return 2 * speed_mph
 
 

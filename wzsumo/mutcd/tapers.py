@@ -4,18 +4,18 @@ import math
 
 from wzsumo.errors import SpecError
 
-# Stopping sight distance as longitudinal buffer [ft] by speed [mph]: MUTCD 11th ed., Table 6B-2.
+# Stopping sight distance as longitudinal buffer [ft] by speed [mph]: MUTCD 11th ed., Table 6B-2, p. 775.
 STOPPING_SIGHT_DISTANCE_FT = {
     20: 115, 25: 155, 30: 200, 35: 250, 40: 305, 45: 360, 50: 425, 55: 495, 60: 570, 65: 645, 70: 730, 75: 820,
 }  # fmt: skip
-SHORT_TAPER_FT = (50.0, 100.0)  # one-lane two-way tapers, and downstream tapers per lane: MUTCD 11th ed., Table 6B-3
+SHORT_TAPER_FT = (50.0, 100.0)  # one-lane two-way tapers, and downstream tapers per lane: MUTCD 11th ed., Table 6B-3, p. 775
 
 
 def merging_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
     """Minimum merging-taper length L [ft] for a lateral offset [ft] at a posted speed [mph].
 
     Raises SpecError between 40 and 45 mph, where the manual gives no formula.
-    Source: MUTCD 11th ed., Tables 6B-3 and 6B-4: L = W S^2 / 60 up to 40 mph, L = W S from 45 mph.
+    Source: MUTCD 11th ed., Section 6B.08, Tables 6B-3 (p. 775) and 6B-4: L = W S^2 / 60 up to 40 mph, L = W S from 45 mph.
 
     >>> merging_taper_length_ft(60, offset_ft=12)
     720

@@ -9,10 +9,11 @@ from typing import Self
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_serializer, field_validator, model_validator
 
+from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray
-from wzsumo.simulation.drivers import DRIVER_PRESETS, UNCALIBRATED, DriverSpec
+from wzsumo.simulation.drivers import BY_THE_HCM, DRIVER_PRESETS, UNCALIBRATED, DriverSpec
 from wzsumo.simulation.network import Edge, write_xml
 from wzsumo.spec import Spec
 
@@ -28,13 +29,17 @@ class DemandSpec(Spec):
     truck_share: float = Field(0.10, ge=0, lt=1)  # of the order of the HCM's default for freeways
     lane_use: tuple[float, ...] = ()  # share of vehicles by lane at the road's start from the right; empty: even
     duration_s: float = Field(1200.0, gt=0)
+    # Flows count, and the ego departs, from then on. The road is full after the slowest vehicle has passed it once (1.8 km at
+    # 21 m/s: 87 s).
+    warm_up_s: float = Field(120.0, ge=0)
     speed_factor_sd: float = Field(0.1, ge=0, le=0.5)  # SUMO's default for passenger cars
     lateral_sd_m: float = Field(0.2, ge=0, le=1)  # of the place in the lane that a driver aims at
     lateral_wander: float = Field(0.08, ge=0)  # SUMO lcSigma, of one driver
     # Drivers begin to look for a gap uniformly this far ahead of the closing lane's end. From 27 m/s at 4.5 m/s2 nobody can
     # stop there from less than about 80 m.
     merge_ahead_m: tuple[float, float] = (100.0, 500.0)
-    drivers: DriverSpec = UNCALIBRATED  # in a file: the name of a preset, or a table of DriverSpec's keys
+    # "hcm": fitted to what the HCM lets the scenario's zone discharge; the name of a preset; or a table of DriverSpec's keys.
+    drivers: DriverSpec = UNCALIBRATED
 
     @field_validator("drivers", mode="before")
     @classmethod
@@ -44,6 +49,10 @@ class DemandSpec(Spec):
                 raise ValueError(f"unknown drivers; known presets: {', '.join(DRIVER_PRESETS)}; or give a table of keys")
             return DRIVER_PRESETS[given]
         return given
+
+    @field_serializer("drivers")
+    def _undecided_by_its_name(self, drivers: DriverSpec) -> str | dict[str, object]:
+        return drivers.name if drivers == BY_THE_HCM else drivers.model_dump()
 
     @model_validator(mode="after")
     def _lane_use_is_a_share(self) -> Self:
@@ -76,6 +85,8 @@ def write_demand(
 
     `speed` [m/s] is the posted one; `opposing` are the edges of the other direction.
     """
+    if spec.drivers == BY_THE_HCM:
+        raise SpecError(f'drivers="{BY_THE_HCM.name}" is decided by the zone: write the demand of Scenario.zone_simulation()')
     rng = np.random.default_rng([seed, 1])
     root = ET.Element("routes")
     for kind, size in (("car", CAR), ("truck", TRUCK)):
@@ -151,4 +162,5 @@ def _driver(
         "emergencyDecel": f"{decel:g}",
         "sigma": f"{drivers.sigma:g}",
         "lcAssertive": f"{drivers.lc_assertive:g}",
+        "lcLookaheadLeft": f"{drivers.lc_lookahead_left:g}",
     }

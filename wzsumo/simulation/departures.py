@@ -31,11 +31,11 @@ def lane_departure_vph(spec: DemandSpec, *, speed: float) -> float:
 
 
 def _check(flow: float, key: str, shares: np.ndarray, *, spec: DemandSpec, speed: float) -> None:
-    lane, fits = int(np.argmax(shares)), lane_departure_vph(spec, speed=speed)
+    lane, fits, drivers = int(np.argmax(shares)), lane_departure_vph(spec, speed=speed), spec.drivers
     if flow * shares[lane] > fits:
         raise SpecError(
             f"simulation.demand.{key}={flow:g}: lane {lane} would get {flow * shares[lane]:.0f} veh/h, but drivers with "
-            f"tau_s={spec.drivers.tau_s:g} can depart on it at most {fits:.0f} times an hour at {mph_from_mps(speed):.0f} mph; "
+            f"tau_s={drivers.tau_s:g} can depart on it at most {fits:.0f} times an hour at {mph_from_mps(speed):.0f} mph; "
             f"give at most {fits / shares[lane]:.0f} veh/h, or use the lanes more evenly, or add lanes"
         )
 

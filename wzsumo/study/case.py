@@ -34,7 +34,6 @@ from wzsumo.study.mapping_methods import MAP_METHODS, Crowd, learn_from, planner
 from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site, prepare_site
 
-WARM_UP_S = 120.0  # the road is full after the slowest vehicle has passed it once (1.8 km at 21 m/s: 87 s)
 DRIVE_LIMIT_S = 400.0
 NOT_RUN = {"slam": "not part of this run; `make baselines` runs it in the paper's zone, --method in any other"}
 
@@ -55,13 +54,14 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
 
     sumo = folder / "sumo"
     sumo.mkdir()
+    simulation = scenario.zone_simulation()
     with clock.timing("network"):
-        files = write_sumo_files(site.layout, sumo, spec=scenario.simulation, seed=scenario.seed)
+        files = write_sumo_files(site.layout, sumo, spec=simulation, seed=scenario.seed)
     with clock.timing("fleet"), progress("fleet in SUMO", files.duration) as tell:
         fleet = simulate_fleet(files, on_second=tell)
     with clock.timing("traffic measures"):
         trips = read_trips(trips_file(files))
-        traffic = measure_traffic(fleet, trips, site.layout, dt=files.step_length, warm_up_s=WARM_UP_S)
+        traffic = measure_traffic(fleet, trips, site.layout, dt=files.step_length, warm_up_s=simulation.demand.warm_up_s)
     write_traffic(traffic, folder)
 
     over_zone = traces_over_zone(fleet, site.layout)
@@ -97,6 +97,7 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
         "n_components_rule": scenario.mixture.criterion,
         "fleet": asdict(summarise_fleet(fleet, site.layout)),
         "traffic": asdict(traffic.summary) | {"hcm_queue_discharge_vph": hcm_queue_discharge_vph(scenario)},
+        "drivers": simulation.demand.drivers.model_dump(mode="json"),
         "methods": results,
         "slam": baselines.slam,
         "not_run": {} if baselines.slam else NOT_RUN,
@@ -148,8 +149,9 @@ def drive_plan(
     if plan.path is None:
         return None
     drive = Drive(
-        vehicle=scenario.vehicle, control=scenario.control, plant=scenario.plant, depart_s=WARM_UP_S, time_limit_s=DRIVE_LIMIT_S
-    )
+        vehicle=scenario.vehicle, control=scenario.control, plant=scenario.plant,
+        depart_s=scenario.simulation.demand.warm_up_s, time_limit_s=DRIVE_LIMIT_S,
+    )  # fmt: skip
     with progress(f"drive on {method}", float(plan.path.arc_length[-1])) as tell:
         return drive_path(plan.path, layout=site.layout, files=files, drive=drive, on_step=tell)
 

@@ -16,6 +16,7 @@ from wzsumo.planning.plan import PlannerSpec
 from wzsumo.road import Road, RoadSpec
 from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.departures import check_departures
+from wzsumo.simulation.drivers import BY_THE_HCM, hcm_drivers
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.spec import Spec, parse_spec, read_toml
 from wzsumo.study.slam_spec import SlamSpec
@@ -93,6 +94,17 @@ class Scenario(Spec):
             site=site,
         )
 
+    def zone_simulation(self) -> SimulationSpec:
+        """`simulation` with the drivers that "hcm" stands for in this zone. Raises SpecError where none are fitted to it."""
+        if self.simulation.demand.drivers != BY_THE_HCM:
+            return self.simulation
+        try:
+            drivers = hcm_drivers(self.capacity().queue_discharge_pcphpl)
+        except SpecError as error:
+            raise SpecError(f'simulation.demand.drivers="{BY_THE_HCM.name}": {error}') from None
+        demand = self.simulation.demand.model_copy(update={"drivers": drivers})
+        return self.simulation.model_copy(update={"demand": demand})
+
     def start_and_goal(self, layout: WorkZoneLayout) -> tuple[Pose, Pose]:
         """Rear-axle poses (x, y, heading) of start and goal. Raises SpecError where they are not on the road."""
         route, road = self.route, layout.road
@@ -136,7 +148,7 @@ def misfits_of(scenario: Scenario) -> list[str]:
     checks: tuple[Callable[[], object], ...] = (
         lambda: scenario.start_and_goal(scenario.layout()),
         lambda: check_departures(
-            demand,
+            scenario.zone_simulation().demand,
             n_lanes=road.lane_count,
             n_opposing=road.opposing_lane_count,
             speed=mps_from_mph(scenario.work_zone.posted_speed_mph),
@@ -147,6 +159,11 @@ def misfits_of(scenario: Scenario) -> list[str]:
             check()
         except SpecError as error:
             misfits.append(str(error))
+    if demand.warm_up_s >= demand.duration_s:
+        misfits.append(
+            f"simulation.demand.warm_up_s={demand.warm_up_s:g} must be shorter than duration_s={demand.duration_s:g}; flows "
+            "are counted, and the ego departs, between the two"
+        )
     if demand.opposing_flow_vph and not road.opposing_lane_count:
         misfits.append(
             f"simulation.demand.opposing_flow_vph={demand.opposing_flow_vph:g} needs an opposing lane; "

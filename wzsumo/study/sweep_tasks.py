@@ -31,7 +31,7 @@ from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.simulation.trips import read_trips, trips_file
 from wzsumo.study.assessment import assess
 from wzsumo.study.baselines import BASELINE_METHODS, HD_MAP_METHODS, SLAM_METHODS, Baselines, map_baselines
-from wzsumo.study.case import WARM_UP_S, drive_plan, map_of_zone, plan_for, quiet_progress
+from wzsumo.study.case import drive_plan, map_of_zone, plan_for, quiet_progress
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
 from wzsumo.study.guides import crowd_guide, nominal_guide
 from wzsumo.study.mapping_methods import Crowd, learn_from
@@ -50,9 +50,11 @@ def simulate(scenario: Scenario) -> bytes:
     """A Parquet file with the true traces over the zone, and the fleet's summary in its metadata."""
     layout = scenario.layout()
     with _ONE_SIMULATION, _in_processor_seconds() as spent, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
-        files = write_sumo_files(layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
+        files = write_sumo_files(layout, Path(folder), spec=scenario.zone_simulation(), seed=scenario.seed)
         fleet = simulate_fleet(files, on_second=lambda _time: None)
-        traffic = measure_traffic(fleet, read_trips(trips_file(files)), layout, dt=files.step_length, warm_up_s=WARM_UP_S)
+        traffic = measure_traffic(
+            fleet, read_trips(trips_file(files)), layout, dt=files.step_length, warm_up_s=scenario.simulation.demand.warm_up_s
+        )
     summary = asdict(summarise_fleet(fleet, layout)) | asdict(traffic.summary) | {"simulation_cpu_s": spent[0]}
     table = pa.Table.from_pandas(traces_over_zone(fleet, layout), preserve_index=False)
     metadata = dict(table.schema.metadata or {}) | {_FLEET: json.dumps(summary).encode()}
@@ -175,7 +177,7 @@ def _drive(plan: Plan, case: StudyCase, site: Site) -> EgoRun | None:
 @contextmanager
 def _simulation_files(scenario: Scenario, site: Site) -> Iterator[SumoFiles]:
     with _ONE_SIMULATION, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
-        yield write_sumo_files(site.layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
+        yield write_sumo_files(site.layout, Path(folder), spec=scenario.zone_simulation(), seed=scenario.seed)
 
 
 @contextmanager

@@ -65,7 +65,7 @@ def write_net(scenario: Path, out: Path) -> Figures:
     """Write the SUMO files of a scenario; edges and lanes."""
     spec = load_scenario(scenario)
     with staged_folder(out) as stage:
-        files = write_sumo_files(spec.layout(), stage, spec=spec.simulation, seed=spec.seed)
+        files = write_sumo_files(spec.layout(), stage, spec=spec.zone_simulation(), seed=spec.seed)
     return {"config": str(out / files.config.name), "edges": {edge.id: len(edge.lanes) for edge in files.edges}}
 
 
