@@ -53,6 +53,15 @@ def straight_trace_file(path):
             {"step_length_s": "step_length_s = 0.5", "truck_share": 'drivers = "hcm_2_to_1_urban"'},
             ["step_length_s=0.5 does not go with", "step_length_s=0.1", 'drivers = "uncalibrated"'],
         ),
+        (
+            {"step_length_s": "step_length_s = 0.5", "truck_share": 'drivers = "hcm"'},
+            ["step_length_s=0.5", 'with drivers "hcm"'],
+        ),
+        (
+            {"closed_lanes": "closed_lanes = []", "truck_share": 'drivers = "hcm"'},
+            ['demand.drivers="hcm"', "discharge 1848 pc/h and lane", "1412 to 1784"],  # 2093 - 154/3 - 194
+        ),
+        ({"duration_s": "duration_s = 120"}, ["demand.warm_up_s=120", "shorter than duration_s=120"]),
         ({"flow_vph": "flow_vph = 9000"}, ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 5291 veh/h"]),
         ({"length_ft": "length_ft = 4000"}, ["the zone ends at", "lengthen the road by 860 ft"]),
     ],

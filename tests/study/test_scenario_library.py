@@ -8,6 +8,7 @@ import pytest
 import shapely
 from builders import vehicle_outlines
 
+from wzsumo.simulation.drivers import DRIVER_PRESETS
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.simulation.network import edges_of, opposing_edges_of
@@ -58,6 +59,15 @@ def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_p
     drawn = ET.parse(tmp_path / "zone.add.xml").getroot()  # noqa: S314 our own file
     assert len(drawn.findall("poi")) == len(layout.signs)
     assert sum(poly.get("id").startswith("device") for poly in drawn.findall("poly")) == len(layout.devices)
+
+
+@pytest.mark.parametrize("name", ["right_lane", "left_lane", "double_closure", "confusing"])
+def test_scenario_of_a_fitted_class_drives_with_the_drivers_of_that_class_and_keeps_their_name(name):
+    scenario = load_scenario(LIBRARY[0].parent / f"{name}.toml")
+    drivers = scenario.zone_simulation().demand.drivers
+    fitted = DRIVER_PRESETS["hcm_2_to_1_urban"]  # one lane stays open in all of them: 1591 pc/h and lane
+    assert drivers == fitted.model_copy(update={"name": "hcm"})
+    assert scenario.model_dump(mode="json")["simulation"]["demand"]["drivers"] == "hcm"
 
 
 @pytest.mark.parametrize("bend", ["paper_bend_300m", "paper_bend_900m"])

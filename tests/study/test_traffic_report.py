@@ -1,7 +1,11 @@
+from dataclasses import fields
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from wzsumo.metrics.traffic import MINUTE_COLUMNS, STATION_COLUMNS, VEHICLE_COLUMNS, TrafficSummary
 from wzsumo.study.result_folder import ResultFolder
 from wzsumo.study.traffic_figures import draw_space_time
 from wzsumo.study.traffic_rows import traffic_rows
@@ -31,3 +35,16 @@ def test_space_time_diagram_shows_every_cell_at_its_time_and_station(tmp_path):
     assert axes.get_ylim() == (0, 1000)
     assert scale.get_ylabel() == "speed [m/s]"
     assert mesh.get_clim() == (0, pytest.approx(25))
+
+
+def test_page_of_measures_names_every_figure_and_column_of_a_run():
+    page = (Path(__file__).parents[2] / "docs" / "traffic_measures.md").read_text(encoding="utf-8")
+    figures = [field.name for field in fields(TrafficSummary)]
+    assert {
+        name for name in [*figures, *VEHICLE_COLUMNS, *MINUTE_COLUMNS, *STATION_COLUMNS] if f"`{name}`" not in page
+    } == set()
+
+
+def test_every_figure_of_a_run_has_a_row_in_the_report():
+    figures = [field.name for field in fields(TrafficSummary)]
+    assert len(traffic_rows(dict.fromkeys(figures, 1.0))) == len(figures)
