@@ -140,8 +140,12 @@ def test_comparison_sets_the_numbers_of_the_paper_beside_those_of_the_run(page):
 
 
 def test_method_without_path_shows_dashes_and_its_reason(page):
-    row = next(row for row in _cells(page) if row and row[0] == "literal")
-    assert row[1].startswith("no path: no way")
+    cells = _cells(page)
+    at = next(at for at, row in enumerate(cells) if row and row[0] == "literal")
+    row, reason = cells[at], cells[at + 1]
+    assert row[1] == "no path"
+    assert reason[0] == ""
+    assert reason[1].startswith("no way")
     assert row[4:] == ["-", "-", "90.00 %", *["-"] * 7]
 
 
