@@ -76,6 +76,18 @@ def test_nowhere_driven_is_unknown_and_not_occupied():
     assert (occupied(model, s, left - 1.8) < 0.05).all()
 
 
+def test_map_of_cells_equals_the_belief_at_their_centres():
+    zone = drive(zone_layout(bend=True), 12, seed=2)
+    made, _, _ = scored(zone, zone.traces)
+    rows, cols = np.nonzero(made.grid.p_occupied != UNKNOWN)
+    exact = occupied(made.model, *made.model.axis.to_sd(made.grid.centre_of(rows, cols)))
+    # Where what was seen ends, a cell may lie on either side of it by the table's step.
+    both = exact != UNKNOWN
+    assert both.mean() > 0.99
+    assert np.abs(exact - made.grid.p_occupied[rows, cols])[both].max() < 0.05
+    assert np.abs(exact - made.grid.p_occupied[rows, cols])[both].mean() < 0.002
+
+
 def test_update_equals_the_fit_of_all_traces():
     zone = drive(zone_layout(), 24, seed=7)
     noisy_traces = noisy(zone, 0.5, seed=1, interval_s=1.0)

@@ -1,35 +1,36 @@
 """p(occupied) of every cell from what a LaneStructure leaves uncertain: level, width and course of the lanes, ends of lanes."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
+from wzsumo.crowd_mapping.lane_ends import LaneEnds
 from wzsumo.crowd_mapping.lane_model import LaneStructure
 from wzsumo.frames import FloatArray
-from wzsumo.grid import UNKNOWN, OccupancyGrid
+from wzsumo.grid import UNKNOWN, BoolArray, OccupancyGrid
 from wzsumo.road import Road
 
 SIDE_SD_M = 0.06  # of an edge, whatever the number of traces: drivers as a whole do not keep to the exact middle
 SEEN_BAND_M = 1.2  # half a vehicle and its sway: beyond it from the driven lanes nothing was observed
 MORE_LANES_ODDS = 0.5  # prior odds of a further open lane on either side
 CORRIDOR_M = 40.0  # beside the axis; farther cells are unknown without a closer look
+STRIP_STEP_M = (4.0, 0.05)  # of the table along and across: edges are 0.1 m wide, tapers lean by 0.1 m in 4 m at most
 TILE_M = 16.0  # side of the squares of cells that are looked at together
 
 
 def belief(model: LaneStructure, grid: OccupancyGrid, *, progress: Callable[[int, int], None] | None = None) -> OccupancyGrid:
     """p(occupied) on the cells of `grid`; UNKNOWN away from where vehicles drove. `progress` is told (done, all)."""
     p = np.full(grid.shape, UNKNOWN, dtype=np.float32)
-    low, high = model.table.stations[[0, -1]]
+    strip = _strip(model)
     tiles = _tiles_near(model.axis, grid)
     for done, (rows, cols) in enumerate(tiles):
         s, d = model.axis.to_sd(grid.centre_of(rows[:, None], cols[None, :]))
-        inside = (s >= low) & (s <= high)
-        values = np.full(s.shape, UNKNOWN)
-        values[inside] = occupied(model, s[inside], d[inside])
-        p[np.ix_(rows, cols)] = np.clip(values, 0, 1).reshape(len(rows), len(cols))
+        p[np.ix_(rows, cols)] = strip.at(s, d).reshape(len(rows), len(cols))
         if progress:
             progress(done + 1, len(tiles))
     return grid.with_p_occupied(p)
@@ -37,17 +38,60 @@ def belief(model: LaneStructure, grid: OccupancyGrid, *, progress: Callable[[int
 
 def occupied(model: LaneStructure, s: FloatArray, d: FloatArray) -> FloatArray:
     """p(occupied) (n,) at stations and offsets (n,) [m] of the model's axis, over all lanes that its traces leave possible."""
+    p, known = _occupied(model, s, d)
+    return np.where(known, p, UNKNOWN)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Strip:
+    """p(occupied) and where it is known, on a table along the course: it changes slowly there, and cells are many."""
+
+    stations: FloatArray
+    course: FloatArray  # (stations,) offsets of the table's middle
+    beside: FloatArray  # (m,) from the course
+    p: FloatArray  # (stations, m)
+    known: BoolArray
+
+    def at(self, s: FloatArray, d: FloatArray) -> FloatArray:
+        """p(occupied) (n,), UNKNOWN beyond the table and where nothing was seen."""
+        row = (s - self.stations[0]) / STRIP_STEP_M[0]
+        place = [row, (d - np.interp(s, self.stations, self.course) - self.beside[0]) / STRIP_STEP_M[1]]
+        known = map_coordinates(self.known.astype(np.uint8), place, order=0, mode="constant")
+        inside = (s >= self.stations[0]) & (s <= self.stations[-1]) & (known > 0)
+        return np.where(inside, map_coordinates(self.p, place, order=1, mode="nearest"), UNKNOWN)
+
+
+def _strip(model: LaneStructure) -> _Strip:
+    low, high = model.table.stations[[0, -1]]
+    stations = np.arange(low, high + STRIP_STEP_M[0] / 2, STRIP_STEP_M[0])
+    course = np.interp(stations, model.table.stations, model.path.course)
+    edges = [(one.levels, one.ends) for one in (model, *model.alternatives)]
+    right = min(levels.right - (1 + _most(ends, -1)) * levels.outer_width for levels, ends in edges)
+    left = max(levels.right + (levels.n_lanes + _most(ends, 1)) * levels.outer_width for levels, ends in edges)
+    beside = np.arange(right - SEEN_BAND_M, left + SEEN_BAND_M, STRIP_STEP_M[1])
+    s, e = np.meshgrid(stations, beside, indexing="ij")
+    p, known = _occupied(model, s.ravel(), (course[:, None] + e).ravel())
+    return _Strip(
+        stations=stations, course=course, beside=beside, p=np.clip(p, 0, 1).reshape(s.shape), known=known.reshape(s.shape)
+    )
+
+
+def _most(ends: LaneEnds, side: int) -> int:
+    return sum(lane * side > 0 for lane in ends.closing.keys() | ends.opening.keys())
+
+
+def _occupied(model: LaneStructure, s: FloatArray, d: FloatArray) -> tuple[FloatArray, BoolArray]:
     total, known = np.zeros(len(s)), np.zeros(len(s))
     for one in (model, *model.alternatives):
-        p = _occupied_by(one, s, d)
-        total += np.where(p == UNKNOWN, 0.0, one.chance * p)
-        known += np.where(p == UNKNOWN, 0.0, one.chance)
-    # What less than half of the belief says anything about is unknown.
-    return np.where(known > 0.5, total / np.maximum(known, 1e-9), UNKNOWN)
+        p, seen = _occupied_by(one, s, d)
+        total += np.where(seen, one.chance * p, 0.0)
+        known += np.where(seen, one.chance, 0.0)
+    # What less than half of the belief says anything about is unknown; its neighbours' values lead smoothly up to it.
+    return np.where(known > 0, total / np.maximum(known, 1e-9), 1.0), known > 0.5
 
 
-def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> FloatArray:
-    """p(occupied) if the open lanes are those of one model."""
+def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """(p(occupied), where anything was seen) if the open lanes are those of one model."""
     levels = model.levels
     course = np.interp(s, model.table.stations, model.path.course)
     seen = (model.weights[:, None] * np.isfinite(model.table.offsets)).sum(axis=0)
@@ -69,7 +113,7 @@ def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> FloatArr
     seen_at = (d > right - SEEN_BAND_M - known_right * levels.outer_width) & (
         d < left + SEEN_BAND_M + known_left * levels.outer_width
     )
-    return np.where(seen_at, 1 - free, UNKNOWN)
+    return 1 - free, seen_at
 
 
 def _beyond(

@@ -12,7 +12,7 @@ from scipy.linalg import solveh_banded
 from wzsumo.crowd_mapping.lane_changes import relative_lanes
 from wzsumo.frames import FloatArray
 
-TEMPLATES = 8  # traces tried as the first guess of the course
+TEMPLATES, REFINED = 8, 3  # traces tried as the first guess of the course, and the best of them
 COMPARED_TRACES = 40  # traces by which guesses are compared
 ROUNDS = 4  # of lanes and course in turn; changes vanish after two or three
 # Laplace scale of the course's second difference over 10 m: a line of MUTCD tapers has a kink of 1:60 to 1:10 (0.17 to 1 m)
@@ -48,9 +48,8 @@ def fit_common_path(offsets: FloatArray, *, width: float, weights: FloatArray) -
     some = np.unique(np.linspace(0, len(offsets) - 1, COMPARED_TRACES).astype(int))
     guesses = np.unique(np.linspace(0, len(offsets) - 1, TEMPLATES).astype(int))
     tries = [_from_guess(offsets[some], _filled(offsets[i]), width=width, weights=weights[some]) for i in guesses]
-    # A guess that itself changes lanes makes all others change: the cheapest is the common one; among equals the calmest.
-    best = min(tries, key=lambda path: path.cost + _turning(path.course))
-    path = best
+    tries = sorted(tries, key=_unlikely)[:REFINED]
+    path = min((_refined(path, offsets[some], width=width, weights=weights[some]) for path in tries), key=_unlikely)
     for _ in range(ROUNDS):
         lanes, cost = _labelled(offsets, path.course, width, path.drift_m, path.noise_m)
         same = np.array_equal(lanes, path.lanes)
@@ -103,9 +102,13 @@ def trend_filter(values: FloatArray, precisions: FloatArray, *, scale: float) ->
 def _from_guess(offsets: FloatArray, guess: FloatArray, *, width: float, weights: FloatArray) -> CommonPath:
     """A path from one guess of the course; its cost is counted with the same noise for all guesses."""
     lanes, _ = _labelled(offsets, guess, width, FIRST_DRIFT_M, FIRST_NOISE_M)
-    best = _relabelled(
-        offsets, _refit(offsets, lanes, width=width, weights=weights, cost=0.0), 0.0, width=width, weights=weights
-    )
+    path = _refit(offsets, lanes, width=width, weights=weights, cost=0.0)
+    return _relabelled(offsets, path, 0.0, width=width, weights=weights)
+
+
+def _refined(path: CommonPath, offsets: FloatArray, *, width: float, weights: FloatArray) -> CommonPath:
+    """The path, or a cheaper one near it."""
+    best = path
     for _ in range(2):
         # What most traces do beside the course may be the course's own doing: then the others need fewer changes.
         moved = _relabelled(offsets, best, width * np.median(best.lanes, axis=0), width=width, weights=weights)
@@ -177,6 +180,9 @@ def _filled(row: FloatArray) -> FloatArray:
     return np.asarray(np.interp(index, index[known], row[known])) if known.any() else np.zeros(len(row))
 
 
-def _turning(guess: FloatArray) -> float:
-    """How much a guess moves sideways, small beside the cost of one lane change of one trace."""
-    return float(np.abs(np.diff(guess)).sum()) * 0.1
+def _unlikely(path: CommonPath) -> float:
+    """Cost of a path. A guess that itself changes lanes makes all others change; among equals the calmest is likeliest.
+
+    What the course moves sideways is small beside the cost of one lane change of one trace.
+    """
+    return path.cost + 0.1 * float(np.abs(np.diff(path.course)).sum())

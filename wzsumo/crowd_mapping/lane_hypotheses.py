@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from wzsumo.crowd_mapping.lane_expectation import expected_lanes
 from wzsumo.frames import FloatArray
 
 IntArray = npt.NDArray[np.int64]
@@ -25,7 +26,7 @@ CORE_M, CORE_SPREAD = 500.0, 0.6  # median length of the closed stretch and the 
 PLACES = 18  # tried for either end of the closure
 FIRST_SPREAD_M = 0.5
 LESS_SD, MOST_DOUBT, MORE_SCALE = 0.2, 6.0, 0.3  # of the logarithm of the spread between traces against the usual one
-LEAST_SPREAD_M = 0.08
+SPREADS_M = np.geomspace(0.08, 6.0, 120)  # tried
 SHARE_COUNTS = (3.0, 0.5)  # prior counts of vehicles in each open and each closing lane: open lanes are used about alike
 LEAST_USERS = 0.6  # traces in the outermost lanes: a lane that nobody drove in is none
 MOST_TRACES = 100  # by which hypotheses are weighed
@@ -146,13 +147,12 @@ def _thinned(evidence: Evidence) -> Evidence:
 
 
 class _Costs:
-    """-log chances of each trace's lanes, for each first lane and each pair of places where the closure begins and ends."""
+    """How well each trace's lanes suit each first lane and each pair of places where the closure begins and ends."""
 
     def __init__(self, evidence: Evidence, pattern: LanePattern, *, pair: tuple[int, int] | None = None) -> None:
         n_stations = evidence.lanes.shape[1]
         self.pattern = pattern
         lanes = evidence.lanes[:, None, :] + np.arange(pattern.n_lanes)[:, None]  # (n, first lane, stations)
-        self.lanes = lanes
         beside = ((lanes < 0) | (lanes >= pattern.n_lanes)).sum(axis=2)
         # Beyond the outermost closed lane is as far from the open ones as in it.
         beyond = np.isin(lanes, pattern.closed) | ((lanes >= pattern.n_lanes) & (not pattern.is_interior))
@@ -176,7 +176,8 @@ class _Costs:
             ahead = (self.pairs[:, 0] - last) * evidence.spacing
             gain = np.log(DISCRETION_M / MERGE_AHEAD_M) - ahead / MERGE_AHEAD_M
             cost -= np.maximum(gain, 0.0)
-        self.cost = cost  # (n, first lane, pairs)
+        self.fit = np.ascontiguousarray(np.exp(-cost).transpose(0, 2, 1))  # (n, pairs, first lane)
+        self.ever = np.stack([(lanes == k).any(axis=2) for k in range(pattern.n_lanes)], axis=2).astype(float)
 
 
 def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> LaneHypothesis:
@@ -187,18 +188,11 @@ def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> 
     width, spread, shares = prior[0], FIRST_SPREAD_M, np.full(n_lanes, 1 / n_lanes)
     posterior = -np.inf
     for _ in range(iterations):
-        miss = levels[:, None] - right - width * lane
-        log_joint = np.log(shares) - 0.5 * (miss / spread) ** 2 - np.log(spread)
-        log_each = log_joint[:, :, None] - costs.cost
-        top = log_each.max(axis=1)
-        of_trace = top + np.log(np.exp(log_each - top[:, None]).sum(axis=1))  # (n, pairs)
-        of_pair = costs.log_prior + weights @ of_trace
-        best = of_pair.max()
-        pair_chance = np.exp(of_pair - best)
-        before, posterior = posterior, float(best + np.log(pair_chance.sum()) + counts @ np.log(shares * n_lanes))
+        first, pair_chance, log_evidence = expected_lanes(
+            levels, weights, costs.fit, costs.log_prior, right=right, width=width, spread=spread, shares=shares
+        )
+        before, posterior = posterior, log_evidence + float(counts @ np.log(shares * n_lanes))
         posterior += float(_log_prior(np.array(spread), evidence.usual_spread)) - 0.5 * ((width - prior[0]) / prior[1]) ** 2
-        pair_chance /= pair_chance.sum()
-        first = np.exp(log_each - of_trace[:, None]) @ pair_chance  # (n, lanes)
         r = first * weights[:, None]
         shares = (r.sum(axis=0) + counts) / (n + counts.sum())
         normal = np.array([[r.sum(), (r @ lane).sum()], [(r @ lane).sum(), (r @ lane**2).sum()]]) / spread**2
@@ -214,7 +208,7 @@ def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> 
     closes, opens = costs.pairs[int(np.argmax(pair_chance))]
     # Free parameters by Schwarz' criterion; the width's prior and the closure's places are integrated already.
     penalty = 0.5 * n_lanes * np.log(max(n, 2.0))
-    users = (first[:, :, None] * weights[:, None, None] * _ever(costs.lanes, n_lanes)).sum(axis=(0, 1))
+    users = np.einsum("nf,n,nfk->k", first, weights, costs.ever)
     unused = users.min() < LEAST_USERS * min(1.0, n)
     return LaneHypothesis(
         pattern=costs.pattern, right=float(right), right_sd=float(np.sqrt(covariance[0, 0])),
@@ -224,15 +218,10 @@ def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> 
     )  # fmt: skip
 
 
-def _ever(lanes: IntArray, n_lanes: int) -> FloatArray:
-    """Whether each trace (n, first lane) was ever in each lane: (n, first lane, lanes)."""
-    return np.stack([(lanes == k).any(axis=2) for k in range(n_lanes)], axis=2).astype(float)
-
-
 def _spread_of(square: float, n: float, *, usual: float) -> float:
     """The spread [m] whose posterior, of n squares that add up to `square` and the prior, is highest."""
-    spread = np.geomspace(LEAST_SPREAD_M, 6.0, 120)
-    return float(spread[np.argmax(_log_prior(spread, usual) - n * np.log(spread) - square / (2 * spread**2))])
+    log_posterior = _log_prior(SPREADS_M, usual) - n * np.log(SPREADS_M) - square / (2 * SPREADS_M**2)
+    return float(SPREADS_M[np.argmax(log_posterior)])
 
 
 def _log_prior(spread: FloatArray, usual: float) -> FloatArray:
