@@ -42,9 +42,9 @@ TRUCK_SHARES = (0.0, 0.1)
 LANE_USE = {"3_to_2": (0.4, 0.4, 0.2)}
 # Demand as a share of the HCM's capacity from these times [s] on: it rises so slowly that the 15 minutes before the breakdown
 # tell the capacity, and ends far above it, so that whoever has not broken down does.
-RAMP = ((0.0, 0.92), (600.0, 0.97), (1200.0, 1.02), (1800.0, 1.07), (2400.0, 1.2))
-LONGEST_MIN = 65
-AFTER_BREAKDOWN_MIN = 23  # 8 to settle, 15 that count: the HCM means 15-minute flows
+RAMP = ((0.0, 0.85), (480.0, 0.9), (960.0, 0.95), (1440.0, 1.0), (1920.0, 1.05), (2400.0, 1.1), (2880.0, 1.25))
+LONGEST_MIN = 80
+DISCHARGE_MIN = 15  # that count, once a queue has stood for 8: the HCM means 15-minute flows
 UPSTREAM_M = 320.0  # of the closing lane's end, where a queue is looked for
 # From the road's start to the first device. A queue that reaches the road's start waits outside; all that matters is that it
 # fills the road ahead of the merging lane.
@@ -122,9 +122,10 @@ def measure(zone_class: str, *, demand: DemandSpec, seed: int, approach_ft: floa
     return {
         "target_pcphpl": target.queue_discharge_pcphpl, "discharge_pcphpl": per_lane["queue_discharge"],
         "capacity_pcphpl": per_lane["peak_flow"], "breakdown_min": found.breakdown_min, "discharge_min": found.n_discharge_min,
-        "queue_speed_mps": float(minutes["upstream_speed_mps"].iloc[-AFTER_BREAKDOWN_MIN + 8 :].mean()),
+        "queue_speed_mps": float(minutes["upstream_speed_mps"].iloc[-DISCHARGE_MIN:].mean()),
         "off": per_lane["queue_discharge"] / target.queue_discharge_pcphpl - 1, "drop": found.drop,
-        "cpu_s": cpu_seconds() - began, "counts": " ".join(f"{n:g}" for n in minutes["count_pc"]), **statistics,
+        "cpu_s": cpu_seconds() - began, "counts": " ".join(f"{n:g}" for n in minutes["count_pc"]),
+        "speeds_mps": " ".join(f"{v:.1f}" for v in minutes["upstream_speed_mps"]), **statistics,
     }  # fmt: skip
 
 
@@ -148,7 +149,7 @@ def lay_out_class(zone_class: str, *, approach_ft: float) -> WorkZoneLayout:
 
 
 def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tuple[pd.DataFrame, dict]:
-    """Minutes (pc past the work, speed upstream) up to 23 minutes after the breakdown, and what SUMO counted.
+    """Minutes (pc past the work, speed upstream) until 15 of queue discharge are seen, and what SUMO counted.
 
     SUMO's own binary runs and is asked once a simulated minute: libsumo takes 15 to 20 % longer.
     """
@@ -170,7 +171,7 @@ def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tu
         speed = sum(n * v for n, v in seen if n) / count if count else np.nan
         rows.append((len(ids) + len(trucks.intersection(ids)) * (TRUCK_EQUIVALENT_PC - 1), speed))
         minutes = pd.DataFrame(rows, columns=["count_pc", "upstream_speed_mps"])
-        if minute >= discharge_of(minutes).breakdown_min + AFTER_BREAKDOWN_MIN:
+        if discharge_of(minutes).n_discharge_min >= DISCHARGE_MIN:
             break
     traci.close()
     return minutes, read_statistics(folder / "statistics.xml")

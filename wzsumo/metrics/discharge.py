@@ -17,6 +17,9 @@ from wzsumo.errors import InputError
 BREAKDOWN_SHARE, QUEUED_SHARE = 0.6, 0.7
 BREAKDOWN_MIN, QUEUED_MIN = 5, 10
 SETTLING_MIN = 8  # from breakdown to the steady discharge of a queue
+# Of the free speed, over the 8 minutes before: where traffic ahead of the bottleneck slows down by less, what passes is what
+# arrives.
+STANDING_SHARE = 0.5
 CAPACITY_MIN = 15  # HCM 7: capacity is a 15-minute flow
 LEAST_DISCHARGE_MIN = 10
 
@@ -53,7 +56,7 @@ def bottleneck_discharge(
         return Discharge(
             breakdown_min=np.nan, peak_flow_per_h=_highest_flow(count), queue_discharge_per_h=np.nan, n_discharge_min=0
         )
-    discharge = count[breakdown + SETTLING_MIN :]
+    discharge = count[_queue_has_stood(slow) & (np.arange(len(count)) >= breakdown + SETTLING_MIN)]
     long_enough = len(discharge) >= LEAST_DISCHARGE_MIN
     return Discharge(
         breakdown_min=float(breakdown),
@@ -71,6 +74,15 @@ def _breakdown(speed_share: npt.NDArray[np.float64]) -> int | None:
         if slow.mean() < BREAKDOWN_SHARE and after.mean() < QUEUED_SHARE:
             return first + int(np.argmax(slow < QUEUED_SHARE))
     return None
+
+
+def _queue_has_stood(speed_share: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    """Whether the mean of the 8 minutes before each minute is below half the free speed."""
+    stood = np.zeros(len(speed_share), dtype=bool)
+    if len(speed_share) > SETTLING_MIN:
+        means = np.convolve(speed_share, np.full(SETTLING_MIN, 1 / SETTLING_MIN), mode="valid")
+        stood[SETTLING_MIN:] = means[:-1] < STANDING_SHARE
+    return stood
 
 
 def _highest_flow(count: npt.NDArray[np.float64]) -> float:
