@@ -146,7 +146,8 @@ def test_one_point_and_one_column_of_cells_are_ground(points):
         ([[0, 0, 0], [1, np.nan, 2]], "point 1"),
         ([[0, 0, 0], [1e9, 1e9, 0]], "stray"),
         (np.random.default_rng(1).uniform(0, 3000, (2000, 3)), "less than one in 400 cells"),  # centimetres for metres
-        ([["a", "b", "c"]], "not a table of numbers"),
+        ([["a", "b", "c"]], "not a table of real numbers"),
+        (np.full((4, 3), 1j), "not a table of real numbers"),
     ],
 )
 def test_cloud_that_cannot_be_filtered_is_refused_with_reason(points, part):

@@ -30,7 +30,7 @@ class SmrfSpec(Spec):
 
     cell_m: float = Field(default=1.0, gt=0)  # ibid., all samples
     slope: float = Field(default=0.15, gt=0, le=10)  # rise over run of the steepest ground; ibid., single-parameter set
-    window_m: float = Field(default=18.0, gt=0)  # radius of the widest opening, ibid.
+    window_m: float = Field(default=18.0, gt=0, le=500)  # radius of the widest opening, ibid.; no building is a kilometre wide
     elevation_threshold_m: float = Field(default=0.5, ge=0)  # ibid.; Chen et al. 2022 take 0.2 m so that cones are kept
     elevation_scalar: float = Field(default=1.25, ge=0)  # metres added to the threshold per unit of slope, ibid.
 
@@ -79,7 +79,10 @@ def estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> Terrain:
     surface = fill_holes(np.where(empty, np.nan, lowest), empty, tolerance=FILL_TOLERANCE_M)
     inverted_openings = (-surface, LOW_OUTLIER_SLOPE, 1)
     hole = empty | object_cells(*inverted_openings, cell=spec.cell_m)
-    hole |= object_cells(surface, spec.slope, int(np.ceil(spec.window_m / spec.cell_m - 1e-9)), cell=spec.cell_m)
+    widest = min(
+        int(np.ceil(spec.window_m / spec.cell_m - 1e-9)), rows + cols
+    )  # a wider disk leaves nothing but the lowest cell
+    hole |= object_cells(surface, spec.slope, widest, cell=spec.cell_m)
     if hole.all():
         raise NoGroundError("cloud: no ground in it; every cell stands above or lies below its neighbours: take a wider cloud")
     height = fill_holes(surface, hole, tolerance=FILL_TOLERANCE_M)
@@ -95,7 +98,7 @@ def _check_extent(rows: int, cols: int, n_points: int, cell_m: float) -> None:
     """Raise CloudError for a surface of more cells than fit, or than its points can tell of."""
     remedy = "take out stray points, give x, y, z in metres, or set a larger cell_m"
     if rows * cols > MAX_CELLS:
-        raise CloudError(f"cloud: {cols} x {rows} cells of {cell_m} m are more than {MAX_CELLS}; {remedy}")
+        raise CloudError(f"cloud: {cols:.4g} x {rows:.4g} cells of {cell_m} m are more than {MAX_CELLS}; {remedy}")
     if rows * cols > max(FEW_CELLS, SPARSEST * n_points):
         raise CloudError(
             f"cloud: {n_points} points on {cols} x {rows} cells of {cell_m} m are less than one in {SPARSEST} cells; {remedy}"
