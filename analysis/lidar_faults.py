@@ -22,9 +22,11 @@ from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.study.assessment import assess
 from wzsumo.study.baselines import map_baselines
-from wzsumo.study.case import drive_plan, plan_for, quiet_progress
+from wzsumo.study.case import drive_plan, quiet_progress
+from wzsumo.study.crowd_traces import traces_over_zone
 from wzsumo.study.goals import goal_figures
 from wzsumo.study.guides import nominal_guide
+from wzsumo.study.map_and_plan import plan_for
 from wzsumo.study.scenario import load_scenario
 from wzsumo.study.site import prepare_site
 from wzsumo.study.slam_spec import SlamSpec
@@ -73,7 +75,8 @@ def row_of(name, scenario, site, files, fleet, *, rate_hz):
     plan = plan_for(METHOD, grid, scenario=scenario, site=site, guide=nominal_guide(site))
     goal = goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)
     run = drive_plan(plan, METHOD, scenario=scenario, site=site, files=files, progress=quiet_progress)
-    figures = assess(grid, plan, run, crowd=None, scenario=scenario, site=site)
+    over_zone = traces_over_zone(fleet, site.layout)
+    figures = assess(grid, plan, run, crowd=None, over_zone=over_zone, scenario=scenario, site=site)
     return {
         "fault": name,
         "seed": scenario.seed,
