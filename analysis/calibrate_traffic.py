@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from discharge_runs import APPROACH_FT, CLASSES, LANE_USE, measure
+from discharge_runs import APPROACH_FT, CLASSES, LANE_USE, flows_of, measure
 from scipy.stats import t as student
 
 from wzsumo.capacity import QUEUE_DISCHARGE_DROP
@@ -58,7 +58,8 @@ def measure_once(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: i
         return
     row = case | measure(zone_class, trucks=trucks, drivers=drivers, seed=seed, approach_ft=approach_ft)
     append_row(row, out)
-    print({key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()}, file=sys.stderr)
+    flows = flows_of(zone_class, trucks=trucks, counts=row["counts"], speeds_mps=row["speeds_mps"])
+    print(zone_class, trucks, seed, {key: round(value, 3) for key, value in flows.items()}, row["cpu_s"], file=sys.stderr)
 
 
 def is_done(case: dict, path: Path) -> bool:
@@ -80,26 +81,26 @@ def append_row(row: dict, path: Path) -> None:
 
 def discharge_table(rows: pd.DataFrame) -> str:
     """Markdown by zone class and truck share: target, mean with its 95 % interval (Student), per cent off, capacity, drop."""
+    columns = ["zone_class", "trucks", "counts", "speeds_mps"]
+    flows = pd.DataFrame([flows_of(zone, trucks=p, counts=n, speeds_mps=v) for zone, p, n, v in rows[columns].to_numpy()])
     lines = [
         "| zone | trucks | n | HCM, pc/h/lane | simulated, mean [95 %] | off | capacity (n) | drop | emergency stops |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for (zone_class, trucks), part in rows.groupby(["zone_class", "trucks"], sort=False):
-        discharge, target = part["discharge_pcphpl"].dropna(), part["target_pcphpl"].iloc[0]
-        both = part.dropna(subset=["discharge_pcphpl", "capacity_pcphpl"])
-        capacity = both["capacity_pcphpl"].mean()
+    table = pd.concat([rows[["zone_class", "trucks", "emergency_stops"]], flows], axis="columns")
+    for (zone_class, trucks), part in table.groupby(["zone_class", "trucks"], sort=False):
+        both = part.dropna(subset=["discharge", "capacity"])
+        capacity = both["capacity"].mean()
         lines.append(
-            f"| {zone_class.replace('_', ' ')} | {trucks:.0%} | {len(discharge)} | {target:.0f} | "
-            f"{_mean_with_interval(discharge)} | {discharge.mean() / target - 1:+.1%} | {capacity:.0f} ({len(both)}) | "
-            f"{1 - both['discharge_pcphpl'].mean() / capacity:.1%} | {part['emergency_stops'].sum()} |"
+            f"| {zone_class.replace('_', ' ')} | {trucks:.0%} | {part['discharge'].count()} | {part['target'].iloc[0]:.0f} | "
+            f"{_mean_with_interval(part['discharge'].dropna())} | {part['off'].mean():+.1%} | {capacity:.0f} ({len(both)}) | "
+            f"{1 - both['discharge'].mean() / capacity:.1%} | {part['emergency_stops'].sum()} |"
         )
-    off = rows["off"].dropna()
-    lines += [
-        "",
-        f"n: runs of one seed each that broke down. HCM: drop {QUEUE_DISCHARGE_DROP:.1%}.",
+    off = table["off"].dropna()
+    return "\n".join([
+        *lines, "", f"n: runs of one seed each that broke down. HCM: drop {QUEUE_DISCHARGE_DROP:.1%}.",
         f"All {len(off)} runs: {off.mean():+.1%} off, standard deviation {off.std():.1%}.",
-    ]
-    return "\n".join(lines)
+    ])  # fmt: skip
 
 
 def _mean_with_interval(values: pd.Series) -> str:

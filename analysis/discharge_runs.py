@@ -53,7 +53,7 @@ def hcm(zone_class: str, *, trucks: float) -> ZoneCapacity:
 
 
 def measure(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, approach_ft: float) -> dict:
-    """One run: its discharge in passenger cars an hour and lane, and what SUMO counted."""
+    """One run: passenger cars past the work and speed upstream minute by minute, and what SUMO counted."""
     target = hcm(zone_class, trucks=trucks)
     demand = DemandSpec(
         flow_profile=tuple((time, share * target.capacity_all_lanes_vph) for time, share in RAMP),
@@ -64,16 +64,28 @@ def measure(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, a
     with tempfile.TemporaryDirectory() as folder:
         files = write_sumo_files(layout, Path(folder), spec=SimulationSpec(demand=demand), seed=seed)
         minutes, statistics = run_until_discharge_is_known(files, layout)
-    found = discharge_of(minutes)
-    per_lane = {key: getattr(found, f"{key}_per_h") / target.open_lanes for key in ("queue_discharge", "peak_flow")}
+    series = {"counts": minutes["count_pc"], "speeds_mps": minutes["upstream_speed_mps"].round(1)}
     return {
-        "target_pcphpl": target.queue_discharge_pcphpl, "discharge_pcphpl": per_lane["queue_discharge"],
-        "capacity_pcphpl": per_lane["peak_flow"], "breakdown_min": found.breakdown_min, "discharge_min": found.n_discharge_min,
-        "queue_speed_mps": float(minutes["upstream_speed_mps"].iloc[-DISCHARGE_MIN:].mean()),
-        "off": per_lane["queue_discharge"] / target.queue_discharge_pcphpl - 1, "drop": found.drop,
-        "cpu_s": cpu_seconds() - began, "counts": " ".join(f"{n:g}" for n in minutes["count_pc"]),
-        "speeds_mps": " ".join(f"{v:.1f}" for v in minutes["upstream_speed_mps"]), **statistics,
+        "cpu_s": round(cpu_seconds() - began, 1), **statistics,
+        **{name: " ".join(f"{value:g}" for value in values) for name, values in series.items()},
     }  # fmt: skip
+
+
+def flows_of(zone_class: str, *, trucks: float, counts: str, speeds_mps: str) -> dict[str, float]:
+    """Target, discharge and capacity [pc/h/lane] of a run that `measure` made, its drop, and how far off its discharge is."""
+    target = hcm(zone_class, trucks=trucks)
+    minutes = pd.DataFrame({"count_pc": _numbers(counts), "upstream_speed_mps": _numbers(speeds_mps)})
+    found = discharge_of(minutes)
+    discharge, capacity = (flow / target.open_lanes for flow in (found.queue_discharge_per_h, found.peak_flow_per_h))
+    return {
+        "target": target.queue_discharge_pcphpl, "discharge": discharge, "capacity": capacity, "drop": found.drop,
+        "off": discharge / target.queue_discharge_pcphpl - 1, "breakdown_min": found.breakdown_min,
+        "discharge_min": found.n_discharge_min, "queue_speed_mps": minutes["upstream_speed_mps"].iloc[-DISCHARGE_MIN:].mean(),
+    }  # fmt: skip
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(word) for word in text.split()]
 
 
 def lay_out_class(zone_class: str, *, approach_ft: float) -> WorkZoneLayout:

@@ -11,15 +11,12 @@ import numpy.typing as npt
 
 from wzsumo.errors import InputError
 
-# A queue stands upstream where the speed stays down: below 60 % of the free one for 5 minutes, below 70 % for 10 more.
-# Speed thresholds of this size tell free from queued flow at freeway bottlenecks; the exact share moves the moment, hardly
-# the flows.
-BREAKDOWN_SHARE, QUEUED_SHARE = 0.6, 0.7
+# A queue stands upstream where the speed stays down: below 60 % of the free one for 5 minutes, below half for 10 more. Where it
+# falls by less, what passes is what arrives: with 70 % instead of half, 10 minutes of slow traffic counted as a breakdown and
+# the 1,800 pc/h after it as discharge.
+BREAKDOWN_SHARE, QUEUED_SHARE = 0.6, 0.5
 BREAKDOWN_MIN, QUEUED_MIN = 5, 10
 SETTLING_MIN = 8  # from breakdown to the steady discharge of a queue
-# Of the free speed, over the 8 minutes before: where traffic ahead of the bottleneck slows down by less, what passes is what
-# arrives.
-STANDING_SHARE = 0.5
 CAPACITY_MIN = 15  # HCM 7: capacity is a 15-minute flow
 LEAST_DISCHARGE_MIN = 10
 
@@ -72,7 +69,7 @@ def _breakdown(speed_share: npt.NDArray[np.float64]) -> int | None:
     for first in range(len(speed_share) - window + 1):
         slow, after = speed_share[first : first + BREAKDOWN_MIN], speed_share[first + BREAKDOWN_MIN : first + window]
         if slow.mean() < BREAKDOWN_SHARE and after.mean() < QUEUED_SHARE:
-            return first + int(np.argmax(slow < QUEUED_SHARE))
+            return first + int(np.argmax(slow < BREAKDOWN_SHARE))
     return None
 
 
@@ -81,7 +78,7 @@ def _queue_has_stood(speed_share: npt.NDArray[np.float64]) -> npt.NDArray[np.boo
     stood = np.zeros(len(speed_share), dtype=bool)
     if len(speed_share) > SETTLING_MIN:
         means = np.convolve(speed_share, np.full(SETTLING_MIN, 1 / SETTLING_MIN), mode="valid")
-        stood[SETTLING_MIN:] = means[:-1] < STANDING_SHARE
+        stood[SETTLING_MIN:] = means[:-1] < QUEUED_SHARE
     return stood
 
 
