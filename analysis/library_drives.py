@@ -28,16 +28,17 @@ KEPT = (
     "outcome", "reason", "plan_status", "plan_speed_mps", "precision", "recall", "iou", "plan_ms", "n_expansions",
     "path_length_m", "drive_time_s", "max_cross_track_m", "case_cpu_s",
 )  # fmt: skip
-# Column of the printed table, column of rows.csv, and which of several drives is printed: the worst.
-WORST = {
+# Column of the printed tables, column of rows.csv, and what is printed of several drives.
+SHOWN = {
     "clearance m": ("driven_min_clearance_devices_m", "min"),
-    "road edge m": ("driven_min_clearance_road_edge_m", "min"),
     "TTC s": ("driven_min_ttc_s", "min"),
     "DRAC m/s2": ("driven_max_drac_mps2", "max"),
     "lateral m/s2": ("driven_max_lateral_acceleration_mps2", "max"),
     "braking m/s2": ("driven_max_braking_mps2", "max"),
     "jerk m/s3": ("driven_max_jerk_mps3", "max"),
-    "cross-track m": ("max_cross_track_m", "max"),
+    "off path m": ("max_cross_track_m", "max"),
+    "mean speed m/s": ("driven_mean_speed_mps", "median"),
+    "delay behind s": ("driven_delay_behind_per_vehicle_s", "median"),
 }
 
 
@@ -109,15 +110,17 @@ def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
 
 
 def print_tables(table: pd.DataFrame) -> None:
+    """Markdown: a table of each speed and method with the worst drive of each scenario, or the median one."""
     for (speed, method), part in table.groupby(["speed", "method"]):
-        print(f"\n{method} at {'10 m/s' if speed == '10' else 'the posted speed'}, n = {len(part)}\n")
-        print(f"| scenario | n | reached | {' | '.join(WORST)} |\n|{'---|' * (3 + len(WORST))}")
+        outcomes = ", ".join(f"{name} {n}" for name, n in part["outcome"].value_counts().items())
+        print(f"\n**{method}, {'10 m/s' if speed == '10' else 'posted speed'}**: n = {len(part)}, {outcomes}\n")
+        print(f"| scenario | n | reached | {' | '.join(SHOWN)} |\n|---|{'---:|' * (2 + len(SHOWN))}")
         for name, drives in part.groupby("scenario"):
-            worst = [f"{drives[column].agg(which):.2f}" if column in drives else "-" for column, which in WORST.values()]
+            shown = [f"{drives[column].agg(which):.2f}" for column, which in SHOWN.values()]
             reached = int((drives["outcome"] == "REACHED_GOAL").sum())
-            print(f"| `{name}` | {len(drives)} | {reached} | {' | '.join(worst)} |")
+            print(f"| `{name}` | {len(drives)} | {reached} | {' | '.join(shown)} |")
         for row in part[part["outcome"] != "REACHED_GOAL"].itertuples():
-            print(f"- `{row.scenario}` seed {row.seed}: {row.outcome}, {row.reason}")
+            print(f"\n- `{row.scenario}`, seed {row.seed}: {row.outcome}, {row.reason}")
 
 
 if __name__ == "__main__":

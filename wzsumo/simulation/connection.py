@@ -3,10 +3,11 @@
 Both give the same functions under the same names.
 """
 
+import io
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from wzsumo.simulation.installation import REMEDY, sumo_binary
 
 WINDOW_DELAY_MS = 40  # a step of 50 ms in about real time: the rest of it goes into drawing
 WINDOW_ZOOM = 1200.0  # of sumo-gui: some 150 m of road
+OPENING_TRIES = 30  # once a second: a large network takes its time
+MARK_RGBA = (213, 94, 0, 255)  # vermilion; Okabe and Ito 2008, "Color universal design"
 _VIEW = "View #0"  # sumo-gui's name of its first window
 
 
@@ -36,7 +39,9 @@ def connected_window(arguments: Sequence[str]) -> Iterator[Any]:
     traci = _load_traci()
     command = window_command(sumo_binary("sumo-gui"), arguments)
     try:
-        traci.start(command, numRetries=10, stdout=sys.stderr)
+        # Told a port, traci starts one window and no other if that fails; it prints each second that it waits.
+        with redirect_stdout(io.StringIO()):
+            traci.start(command, port=traci.getFreeSocketPort(), numRetries=OPENING_TRIES, stdout=sys.stderr)
         try:
             yield traci
         finally:
@@ -53,7 +58,8 @@ def window_command(program: Path, arguments: Sequence[str]) -> list[str]:
 
 
 def follow_in_window(api: Any, vehicle: str) -> None:
-    """Let the window follow a vehicle, close enough to see how it lies in its lane."""
+    """Let the window follow a vehicle, marked and close enough to see how it lies in its lane."""
+    api.vehicle.setColor(vehicle, MARK_RGBA)
     api.gui.trackVehicle(_VIEW, vehicle)
     api.gui.setZoom(_VIEW, WINDOW_ZOOM)
 
