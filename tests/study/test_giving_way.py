@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from wzsumo.ego import EgoState
 from wzsumo.path import ReferencePath
-from wzsumo.simulation.session import Traffic
+from wzsumo.simulation.traffic import Traffic
 from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait, route_along
 from wzsumo.vehicle import VehicleGeometry
 

@@ -4,19 +4,19 @@ libsumo allows one simulation a process. Points leave this module as vehicle CEN
 pose of its REAR AXLE.
 """
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle, sumo_angle_from_heading
 from wzsumo.simulation.connection import connected_library, connected_window, follow_in_window
 from wzsumo.simulation.gridlock import Gridlock
+from wzsumo.simulation.traffic import Traffic
 from wzsumo.simulation.turns import OWN_LINK, SIGNAL_ID
 from wzsumo.vehicle import VehicleGeometry
 
@@ -26,25 +26,6 @@ EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for 
 SIDE_CLEARANCE_M = 0.3
 _FREE_PLACEMENT = 2  # keepRoute of moveToXY: exactly where it is told, also beside the lanes (SUMO docs, TraCI moveToXY)
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Traffic:
-    """All vehicles but the ego at one moment: ids (n,), centre poses (n, 3), speeds (n,), lengths and widths (n,)."""
-
-    ids: tuple[str, ...]
-    poses: FloatArray
-    speeds: FloatArray
-    lengths: FloatArray
-    widths: FloatArray
-
-    def near(self, x: float, y: float, *, reach_m: float) -> "Traffic":
-        """The vehicles whose centre lies within `reach_m` of (x, y) [m]."""
-        kept = np.hypot(self.poses[:, 0] - x, self.poses[:, 1] - y) <= reach_m
-        return Traffic(
-            ids=tuple(name for name, is_near in zip(self.ids, kept, strict=True) if is_near),
-            poses=self.poses[kept], speeds=self.speeds[kept], lengths=self.lengths[kept], widths=self.widths[kept],
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -190,23 +171,6 @@ class Session:
     def _take_over(self, name: str) -> None:
         self._sumo.vehicle.setSpeedMode(name, 0)
         self._sumo.vehicle.setLaneChangeMode(name, 0)
-
-
-def traffic_trace(moments: Iterable[tuple[float, Traffic]]) -> pd.DataFrame:
-    """The trace table, with all its columns, of the traffic at times [s]."""
-    moments = list(moments)
-    counts = [len(traffic.ids) for _, traffic in moments]
-    poses = np.concatenate([np.empty((0, 3)), *(traffic.poses for _, traffic in moments)])
-
-    def column(name: str) -> FloatArray:
-        return np.concatenate([np.empty(0), *(getattr(traffic, name) for _, traffic in moments)])
-
-    return pd.DataFrame({
-        "vehicle_id": [name for _, traffic in moments for name in traffic.ids],
-        "time_s": np.repeat([time for time, _ in moments], counts),
-        "x_m": poses[:, 0], "y_m": poses[:, 1], "heading_rad": poses[:, 2],
-        "speed_mps": column("speeds"), "length_m": column("lengths"), "width_m": column("widths"),
-    })  # fmt: skip
 
 
 def _own_type(type_id: str) -> str:

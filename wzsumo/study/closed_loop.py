@@ -15,8 +15,9 @@ from wzsumo.frames import FloatArray, advance
 from wzsumo.metrics.drive import on_clock
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.files import SumoFiles
-from wzsumo.simulation.session import Session, Traffic, running, traffic_trace
-from wzsumo.study.giving_way import leader_ahead, place_to_wait
+from wzsumo.simulation.session import Session, running
+from wzsumo.simulation.traffic import Traffic, traffic_trace
+from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait
 from wzsumo.study.lane_intrusion import intrusions
 from wzsumo.study.replanning import Course, NewMap
 from wzsumo.study.stop_line import stop_line_ahead
@@ -81,11 +82,7 @@ def drive_path(
                 session.let_brake_hard(_behind(state, traffic))
                 session.resolve_gridlock(traffic)
                 way = course.way(state)
-                leader = leader_ahead(way, traffic)
-                may_enter = session.may_enter_shared_lane()
-                stop_line = stop_line_ahead(state, vehicle=drive.vehicle, layout=layout, may_enter=may_enter)
-                places = (place_to_wait(way, traffic, layout=layout), stop_line)
-                stop_in_m = min((place for place in places if place is not None), default=None)
+                leader, stop_in_m = leader_ahead(way, traffic), _nearest_stop(way, traffic, session=session, layout=layout)
                 record.look_round(session.time, state, traffic)
             command = course.controller.command(state, dt=STEP_S, leader=leader, stop_in_m=stop_in_m)
             record.rows.append(_log_row(session.time, state, command, course.controller))
@@ -121,6 +118,16 @@ class _Record:
             traffic=traffic_trace(self._near), followers=traffic_trace(self._all),
             replans=tuple(self.replans), outcome=outcome, reason=reason,
         )  # fmt: skip
+
+
+def _nearest_stop(way: Way, traffic: Traffic, *, session: Session, layout: WorkZoneLayout) -> float | None:
+    """How far ahead of the bumper the ego must stop [m], to let others go or to take its turn; None where it need not."""
+    may_enter = session.may_enter_shared_lane()
+    places = (
+        place_to_wait(way, traffic, layout=layout),
+        stop_line_ahead(way.state, vehicle=way.vehicle, layout=layout, may_enter=may_enter),
+    )
+    return min((place for place in places if place is not None), default=None)
 
 
 def _behind(state: EgoState, traffic: Traffic) -> tuple[str, ...]:

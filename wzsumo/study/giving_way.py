@@ -12,7 +12,7 @@ from wzsumo.control.car_following import Leader
 from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray, advance
 from wzsumo.path import ReferencePath
-from wzsumo.simulation.session import Traffic
+from wzsumo.simulation.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
