@@ -1,107 +1,100 @@
 """How many traces a crowd map takes: its quality over number of traces, GNSS error and sampling interval, on SUMO fleets.
 
-python analysis/how_many_traces.py --out results/how_many_traces [--seeds 10] [--zones straight bend ...]
+python analysis/how_many_traces.py --out results/how_many_traces [--first 61] [--seeds 10] [--zones straight bend ...]
 
-Every fleet is simulated once; every row is written as it comes, so that a stopped study goes on where it was. Beside rows.csv
-lie table.csv (medians and 95 % intervals), figure.png and waiting.csv: minutes until so many equipped vehicles have passed.
+Each map is made twice: of the traces alone, and joined to the map of before (the road's lanes, and where the zone is
+announced). Every fleet is simulated once; rows are written as they come, so that a stopped study goes on where it was. Beside
+rows.csv lie table.csv (medians and 95 % intervals), figures, and waiting.csv: minutes until so many equipped vehicles passed.
 """
 
 import argparse
 import itertools
 import sys
-from dataclasses import asdict
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
+from crowd_scores import Judge, calibration_errors
 from crowd_zones import ZONES, true_traces
+from how_many_figures import draw_quality, draw_reliability
 from scipy.stats import bootstrap, gamma
 
-from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
-from wzsumo.grid import UNKNOWN, blank_grid, cells_inside
-from wzsumo.metrics.map_quality import quality_of_cells
+from wzsumo.crowd_mapping.lane_model import LaneStructureSpec, fit_lane_structure
 from wzsumo.sensing.equipped import choose_equipped
 from wzsumo.sensing.gnss import GnssSpec, report
 
 COUNTS = (1, 2, 3, 5, 10, 20, 30, 100)
-ERRORS_M = (0.0, 0.5, 1.0, 2.0)
-INTERVALS_S = (0.1, 1.0, 3.0)
-KEYS = ["zone", "seed", "n_traces", "error_m", "interval_s"]
-FIGURES = ["precision", "recall", "iou", "calibration_error", "calibration_error_unsure", "brier", "brier_binary"]
-RESOLUTION_M = 0.254  # twice the usual cell, for speed
-BINS = 20  # of p_occupied
+ERRORS_M, ERRORS_ALONE_M = (0.0, 0.5, 1.0, 2.0), (0.0, 1.0, 2.0)
+USUAL_INTERVAL_S = 1.0
+OTHER_INTERVALS_S, SAMPLED_COUNTS, SAMPLED_ERRORS_M = (0.1, 3.0), (5, 30), (0.0, 1.0)
+PLANNED = {(5, 0.0), (30, 1.0), (100, 2.0)}  # at the usual interval, on joined maps
+ZONES_OF_THE_STUDY = ("straight", "bend", "one_lane", "right_closed")
+KEYS = ["zone", "seed", "n_traces", "error_m", "interval_s", "map"]
+FIGURES = ["precision", "recall", "iou", "edge_error_m"]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/how_many_traces"))
-    parser.add_argument("--first", type=int, default=21, help="seeds 1-6 were looked at while the maps were built")
+    parser.add_argument("--first", type=int, default=61, help="seeds 1-60 were looked at while the maps were built")
     parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--zones", nargs="+", default=list(ZONES), choices=list(ZONES))
-    parser.add_argument("--counts", nargs="+", type=int, default=COUNTS)
-    parser.add_argument("--errors-m", nargs="+", type=float, default=ERRORS_M)
-    parser.add_argument("--intervals-s", nargs="+", type=float, default=INTERVALS_S)
+    parser.add_argument("--zones", nargs="+", default=ZONES_OF_THE_STUDY, choices=list(ZONES))
+    parser.add_argument("--planned-seeds", type=int, default=3, help="seeds on whose maps paths are planned")
+    parser.add_argument("--fleets", type=Path, help="folder of simulated fleets; default: OUT/fleets")
+    parser.add_argument("--tables-only", action="store_true", help="tables and figures of the rows that there are")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "rows.csv"
-    known = {tuple(row) for row in pd.read_csv(path)[KEYS].itertuples(index=False)} if path.exists() else set()
-    for seed, zone in itertools.product(range(args.first, args.first + args.seeds), args.zones):
-        cases = itertools.product(args.counts, args.errors_m, args.intervals_s)
+    seeds = range(args.first, args.first + (0 if args.tables_only else args.seeds))
+    # What the answer hangs on comes first for all seeds: a study that is stopped still has it.
+    for cases, seed, zone in itertools.product(_groups_of_cases(), seeds, args.zones):
+        known = {tuple(row) for row in pd.read_csv(path)[KEYS].itertuples(index=False)} if path.exists() else set()
         missing = [case for case in cases if (zone, seed, *case) not in known]
         if missing:
-            judge = _Judge(zone)
-            traces = true_traces(zone, seed, cache=args.out / "fleets")
+            judge = Judge(zone)
+            traces = true_traces(zone, seed, cache=args.fleets or args.out / "fleets")
             for case in missing:
-                row = dict(zip(KEYS, (zone, seed, *case), strict=True)) | judge.row(traces, *case, seed=seed)
-                pd.DataFrame([row]).to_csv(path, mode="a", header=not path.exists(), index=False)
-                print(row, file=sys.stderr)
+                planned = seed < args.first + args.planned_seeds
+                row = dict(zip(KEYS, (zone, seed, *case), strict=True)) | _row(judge, traces, *case, seed=seed, planned=planned)
+                pd.DataFrame([row], columns=COLUMNS).to_csv(path, mode="a", header=not path.exists(), index=False)
+            print(f"{zone} {seed}: {len(missing)} maps", file=sys.stderr)
     rows = pd.read_csv(path)
-    _table(rows).to_csv(args.out / "table.csv", index=False)
+    table = _table(rows)
+    table.to_csv(args.out / "table.csv", index=False)
     _waiting().to_csv(args.out / "waiting.csv", index=False)
-    _draw(rows, args.out / "figure.png")
+    usual = rows[rows["interval_s"] == USUAL_INTERVAL_S]
+    draw_quality(usual, args.out / "how_many_traces.png")
+    draw_reliability(usual, args.out / "reliability.png")
 
 
-class _Judge:
-    """The truth of one zone on its cells."""
-
-    def __init__(self, zone: str) -> None:
-        layout = ZONES[zone].layout()
-        road = layout.road
-        beside = road.strip(layout.start, layout.end, -road.right_shoulder - 2.0, road.left_edge + 2.0)
-        self.cells = blank_grid(beside.bounds, resolution=RESOLUTION_M, p_occupied=UNKNOWN)
-        self.counted = cells_inside(self.cells, beside)
-        self.drivable = cells_inside(self.cells, layout.drivable_between(layout.start, layout.end)) & self.counted
-
-    def row(self, traces: pd.DataFrame, n: int, error_m: float, interval_s: float, *, seed: int) -> dict[str, float]:
-        """Figures of the lanes map of the first n equipped vehicles."""
-        chosen = choose_equipped(pd.Index(traces["vehicle_id"].unique()), penetration=1.0, seed=seed)[:n]
-        gnss = GnssSpec(error_m=error_m, sampling_interval_s=interval_s)
-        reported = report(traces[traces["vehicle_id"].isin(chosen)], spec=gnss, seed=seed)
-        grid = lane_structured_map(reported, spec=LaneStructureSpec(), grid=self.cells, seed=seed).grid
-        quality = asdict(quality_of_cells(grid.free, drivable=self.drivable, counted=self.counted))
-        known = self.counted & (grid.p_occupied != UNKNOWN)
-        p, occupied = grid.p_occupied[known].astype(float), ~self.drivable[known]
-        unsure = (p > 0.01) & (p < 0.99)
-        return quality | {
-            "calibration_error": _calibration_error(p, occupied),
-            "calibration_error_unsure": _calibration_error(p[unsure], occupied[unsure]),
-            "brier": float(np.mean((p - occupied) ** 2)),
-            "brier_binary": float(np.mean(~grid.free[known] != occupied)),
-        }
+COLUMNS = [
+    *KEYS, *FIGURES, "brier", "brier_binary", "never_driven", "plan", "min_clearance_devices_m", "min_clearance_road_edge_m",
+    "closed_area_share", "reliability",
+]  # fmt: skip
 
 
-def _calibration_error(p: np.ndarray, occupied: np.ndarray) -> float:
-    """Mean distance between what is said and what is so, over equal bins of p (Guo et al. 2017, ECE)."""
-    if not len(p):
-        return float("nan")
-    cell = np.minimum((p * BINS).astype(int), BINS - 1)
-    gap = np.bincount(cell, weights=p - occupied, minlength=BINS)
-    return float(np.abs(gap).sum() / len(p))
+def _groups_of_cases() -> list[list[tuple[int, float, float, str]]]:
+    joined = itertools.product(COUNTS, ERRORS_M, (USUAL_INTERVAL_S,), ("joined",))
+    sampled = itertools.product(SAMPLED_COUNTS, SAMPLED_ERRORS_M, OTHER_INTERVALS_S, ("joined",))
+    alone = itertools.product(COUNTS, ERRORS_ALONE_M, (USUAL_INTERVAL_S,), ("alone",))
+    return [list(joined), list(sampled), list(alone)]
+
+
+def _row(
+    judge: Judge, traces: pd.DataFrame, n: int, error_m: float, interval_s: float, which: str, *, seed: int, planned: bool
+) -> dict[str, object]:
+    """Figures of the lanes map of the first n equipped vehicles."""
+    chosen = choose_equipped(pd.Index(traces["vehicle_id"].unique()), penetration=1.0, seed=seed)[:n]
+    true = traces[traces["vehicle_id"].isin(chosen)]
+    reported = report(true, spec=GnssSpec(error_m=error_m, sampling_interval_s=interval_s), seed=seed)
+    before = judge.before if which == "joined" else None
+    model = fit_lane_structure(reported, spec=LaneStructureSpec(), before=before)
+    asked = planned and which == "joined" and interval_s == USUAL_INTERVAL_S and (n, error_m) in PLANNED
+    return judge.row(model) | {"never_driven": judge.never_driven(true)} | (judge.planned(model) if asked else {})
 
 
 def _table(rows: pd.DataFrame) -> pd.DataFrame:
-    """Median and its 95 % bootstrap interval over zones and seeds."""
+    """Medians over zones and seeds with their 95 % bootstrap intervals; calibration over all maps of a line together."""
     out = []
     for key, part in rows.groupby(KEYS[2:]):
         row = dict(zip(KEYS[2:], key, strict=True)) | {"n_maps": len(part)}
@@ -109,10 +102,14 @@ def _table(rows: pd.DataFrame) -> pd.DataFrame:
             values = part[name].dropna().to_numpy()
             row[name] = float(np.median(values)) if len(values) else float("nan")
             if len(values) > 1 and np.ptp(values) > 0:
-                interval = bootstrap(
-                    (values,), np.median, method="percentile", rng=np.random.default_rng(0)
-                ).confidence_interval
-                row[f"{name}_low"], row[f"{name}_high"] = interval
+                drawn = bootstrap((values,), np.median, method="percentile", rng=np.random.default_rng(0))
+                row[f"{name}_low"], row[f"{name}_high"] = drawn.confidence_interval
+        row["calibration_error"], row["calibration_error_unsure"] = calibration_errors(part["reliability"])
+        row |= {name: part[name].mean() for name in ("brier", "brier_binary", "never_driven")}
+        plans = part.dropna(subset=["plan"])
+        row["n_plans"], row["n_paths"] = len(plans), int(plans["closed_area_share"].notna().sum())
+        row["paths_in_closed_area"] = int((plans["closed_area_share"] > 0).sum())
+        row["least_clearance_m"] = plans["min_clearance_devices_m"].min()
         out.append(row)
     return pd.DataFrame(out)
 
@@ -130,35 +127,6 @@ def _waiting() -> pd.DataFrame:
         }
         for n, share, flow in cases
     )
-
-
-def _draw(rows: pd.DataFrame, path: Path) -> None:
-    """IoU and precision over the number of traces, a line an error, at the interval with the most rows."""
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    part = rows[rows["interval_s"] == rows["interval_s"].mode()[0]]
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.8), sharey=True, layout="constrained")
-    for error, colour in zip(sorted(part["error_m"].unique()), ("#000000", "#0072B2", "#E69F00", "#D55E00"), strict=False):
-        of_error = part[part["error_m"] == error].groupby("n_traces")
-        for axis, name in zip(axes, ("precision", "iou"), strict=True):
-            middle, low, high = (of_error[name].quantile(q) for q in (0.5, 0.25, 0.75))
-            axis.plot(middle.index, middle, "o-", color=colour, label=f"{error:g} m")
-            axis.fill_between(middle.index, low, high, color=colour, alpha=0.15, linewidth=0)
-    counts = sorted(part["n_traces"].unique())
-    for axis, title in zip(axes, ("said to be free and is (precision)", "overlap with the truth (IoU)"), strict=True):
-        axis.set_xscale("log")
-        axis.set_xticks(counts, [str(n) for n in counts])
-        axis.minorticks_off()
-        axis.set(title=title, xlabel="traces", ylim=(0, 1.02))
-        axis.grid(alpha=0.3)
-    axes[0].set_ylabel("share")
-    axes[0].legend(title="GNSS error", loc="lower right")
-    n_maps = part.groupby(["n_traces", "error_m"]).size().min()
-    figure.suptitle(f"median and middle half of {n_maps} maps a point, {part['zone'].nunique()} zones, one fix a "
-                    f"{part['interval_s'].iloc[0]:g} s", fontsize=10)  # fmt: skip
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,9 @@ import pytest
 from crowd_mapping.zone_traces import drive, noisy, zone_layout
 
 from wzsumo.crowd_mapping.belief import occupied
+from wzsumo.crowd_mapping.common_path import CommonPath
 from wzsumo.crowd_mapping.lane_model import LaneStructureSpec, fit_lane_structure, update
-from wzsumo.crowd_mapping.map_before import MapBefore
+from wzsumo.crowd_mapping.map_before import MapBefore, with_level_ends
 from wzsumo.crowd_mapping.taper_line import Announcement, fit_taper_line
 from wzsumo.errors import TraceError
 from wzsumo.road import RoadSpec
@@ -46,6 +47,31 @@ def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyon
     p = occupied(model, along, np.full(3, layout.road.lane_centre(2)))
     assert p[0] < 0.2
     assert p[2] >= 0.5
+
+
+def test_course_that_most_traces_leave_for_good_becomes_their_change_of_lanes():
+    stations = np.arange(0.0, 1000.0, 10.0)
+    road = RoadSpec(lane_count=3, lane_width_ft=12, left_shoulder_ft=10, right_shoulder_ft=10, length_ft=4000).build()
+    before = MapBefore(road=road, start=100.0, end=900.0)
+    moved = 3.6576 * np.clip((stations - 400) / 100, 0, 1)
+    # Six of seven traces move over; the one that stays seems to change lanes to the right.
+    lanes = np.vstack([np.zeros((6, 100)), -moved / 3.6576])
+    path = CommonPath(course=moved, lanes=lanes, levels=np.full(7, 5.0), drift_m=0.03, noise_m=0.12, cost=0.0)
+    level = with_level_ends(path, stations, before)
+    assert np.abs(level.course).max() < 0.05
+    np.testing.assert_allclose(level.lanes[-1], 0.0, atol=0.02)
+    np.testing.assert_allclose(level.lanes[0], moved / 3.6576, atol=0.02)
+    offsets = path.course + 3.6576 * path.lanes + path.levels[:, None]
+    np.testing.assert_allclose(level.course + 3.6576 * level.lanes + level.levels[:, None], offsets, atol=1e-9)
+
+
+def test_closed_lane_opens_where_the_zone_is_announced_to_end():
+    layout = zone_layout()
+    model = fit_lane_structure(drive(layout, 8, seed=2).traces, spec=LaneStructureSpec(), before=before_of(layout))
+    middle = np.full(2, layout.road.lane_centre(1))
+    p = occupied(model, np.array([layout.end - 60.0, layout.end + 5.0]), middle)
+    assert p[0] >= 0.5
+    assert p[1] < 0.2
 
 
 def test_update_keeps_what_was_known_of_the_road():

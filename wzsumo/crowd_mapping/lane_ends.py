@@ -30,14 +30,19 @@ class LaneEnds:
 
 @dataclass(frozen=True, kw_only=True)
 class Announced:
-    """The station [m] of a zone's first device, and the road's shoulders, right and left, in lane widths."""
+    """The stations [m] of a zone's first and last device, and the road's shoulders, right and left, in lane widths."""
 
-    station: float
+    start: float
+    end: float
     shoulders: tuple[float, float]
 
-    def ahead_of(self, lane: int, *, lanes_before: int) -> Announcement:
-        """The announcement for a lane on the right (below 0) or on the left."""
-        return Announcement(station=self.station, lanes_before=lanes_before, shoulder=self.shoulders[lane > 0])
+    def closing(self, lane: int, *, lanes_before: int) -> Announcement:
+        """The announcement of the end of a lane on the right (below 0) or on the left."""
+        return Announcement(station=self.start, lanes_before=lanes_before, shoulder=self.shoulders[lane > 0])
+
+    def opening(self, *, lanes_before: int) -> Announcement:
+        """The announcement of a lane's new beginning, seen against the direction of travel: no shoulder opens before it."""
+        return Announcement(station=-self.end, lanes_before=lanes_before, shoulder=0.0)
 
 
 def fit_lane_ends(
@@ -51,21 +56,19 @@ def fit_lane_ends(
     speed_mps: float,
     vehicle_width_m: float,
 ) -> LaneEnds:
-    """The ends of `lanes`; `announced` is what is known of the zone's beginning, if anything is."""
+    """The ends of `lanes`; `announced` is what is known of where the zone is, if anything is."""
     ways = _Ways(table, weights, levels, half_vehicle=vehicle_width_m / 2 / levels.outer_width, shifts=shifts)
     merging_m = merging_taper_m(speed_mps, width_m=levels.outer_width)
     closing: dict[int, TaperLine] = {}
     opening: dict[int, TaperLine] = {}
     for lane in lanes:
         outer = sum(abs(other) > abs(lane) and other * lane >= 0 for other in lanes)
-        begins = announced.ahead_of(lane, lanes_before=outer) if announced else None
-        if line := ways.end_of(
-            lane, length=merging_m, sign=1, announcement=begins, least=LEAST_USERS * min(1.0, weights.sum())
-        ):
+        closed = announced.closing(lane, lanes_before=outer) if announced else None
+        opened = announced.opening(lanes_before=outer) if announced else None
+        least, least_returning = LEAST_USERS * min(1.0, weights.sum()), LEAST_RETURNING * weights.sum()
+        if line := ways.end_of(lane, length=merging_m, sign=1, announcement=closed, least=least):
             closing[lane] = line
-        if line := ways.end_of(
-            lane, length=DOWNSTREAM_TAPER_M, sign=-1, announcement=None, least=LEAST_RETURNING * weights.sum()
-        ):
+        if line := ways.end_of(lane, length=DOWNSTREAM_TAPER_M, sign=-1, announcement=opened, least=least_returning):
             opening[lane] = line
     return LaneEnds(closing=closing, opening=opening)
 
@@ -94,7 +97,8 @@ class _Ways:
         # Share of this lane's width that a vehicle's centre still has to go to the middle of the next lane inwards.
         shares = np.clip(side * (self.levels.lanes[:, near] - lane) + 1.0, -1.0, 1.0)
         using = self.trusted & (shares.max(axis=1, initial=-1.0) > 0.5)
-        if self.weights[using].sum() <= least:
+        # Who comes back into a lane ahead of the announced last device was taken to be in another lane.
+        if self.weights[using].sum() <= least or (announcement and sign < 0):
             using = np.zeros_like(using)
         if not using.any() and announcement is None:
             return None

@@ -15,7 +15,7 @@ from wzsumo.crowd_mapping.lane_changes import relative_lanes
 from wzsumo.crowd_mapping.lane_ends import LaneEnds, fit_lane_ends
 from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels, refresh
 from wzsumo.crowd_mapping.lane_use import LaneUse, fit_lane_use
-from wzsumo.crowd_mapping.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close
+from wzsumo.crowd_mapping.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close, with_level_ends
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.station_table import StationTable, tabulate
 from wzsumo.errors import TraceError
@@ -84,7 +84,7 @@ def fit_lane_structure(
     axis = before.road if before else nominal or reference_line_from_traces(checked)
     table = tabulate(checked, axis)
     weights = np.ones(len(table.offsets))
-    path = fit_common_path(table.offsets, width=_width(spec, before)[0], weights=weights)
+    path = _path(table, weights, spec=spec, before=before)
     basis = _Basis(
         spec=spec, axis=axis, before=before, table=table, weights=weights, speed_mps=_speed(checked, spec), path=path
     )
@@ -116,7 +116,7 @@ def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneSt
 
 def refit(model: LaneStructure) -> LaneStructure:
     """The model fitted anew, from lane changes to tapers, to the traces and weights that it holds."""
-    path = fit_common_path(model.table.offsets, width=_width(model.spec, model.before)[0], weights=model.weights)
+    path = _path(model.table, model.weights, spec=model.spec, before=model.before)
     return _model(replace(_basis_of(model), path=path))
 
 
@@ -156,6 +156,11 @@ def _basis_of(model: LaneStructure) -> _Basis:
 def _width(spec: LaneStructureSpec, before: MapBefore | None) -> tuple[float, float]:
     """Mean and standard deviation [m] of the lanes' width outside the zone, beforehand."""
     return (before.lane_width, WIDTH_SD_M) if before else (spec.lane_width_m, spec.lane_width_sd_m)
+
+
+def _path(table: StationTable, weights: FloatArray, *, spec: LaneStructureSpec, before: MapBefore | None) -> CommonPath:
+    path = fit_common_path(table.offsets, width=_width(spec, before)[0], weights=weights)
+    return with_level_ends(path, table.stations, before) if before else path
 
 
 def _model(basis: _Basis) -> LaneStructure:

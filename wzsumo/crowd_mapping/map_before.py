@@ -17,6 +17,7 @@ from wzsumo.frames import FloatArray
 from wzsumo.road import Road
 
 WIDTH_SD_M = 0.03  # of the striped lanes: a painter's accuracy
+RAMP_LENGTHS_M = np.arange(20.0, 201.0, 20.0)  # of a whole lane's move: from a lane change to L/2 at 75 mph
 LEAST_STATIONS = 2  # outside the zone, without which nothing is anchored
 SHY_SD_M = 0.05  # drivers as a whole keep to the middle of lanes beside devices as exactly as before them: a guess
 
@@ -40,9 +41,11 @@ class MapBefore:
 
     @property
     def announced(self) -> Announced:
-        """What is known of the zone's beginning."""
+        """What is known of the zone's beginning and end."""
         shoulders = (self.road.right_shoulder, 0.0 if self.road.opposing_lanes else self.road.left_shoulder)
-        return Announced(station=self.start, shoulders=(shoulders[0] / self.lane_width, shoulders[1] / self.lane_width))
+        return Announced(
+            start=self.start, end=self.end, shoulders=(shoulders[0] / self.lane_width, shoulders[1] / self.lane_width)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +58,36 @@ class Anchor:
     levels: LaneLevels
     first_lane: int | None
     log_fit: float
+
+
+def with_level_ends(path: CommonPath, stations: FloatArray, before: MapBefore) -> CommonPath:
+    """The path, its course beginning and ending in the same lane of the road.
+
+    Where most traces move over by a lane for good, that is the common course and those who stay seem to change lanes. The
+    road's lanes tell: what the course moves by from before the zone to after it becomes the traces' change of lanes.
+    """
+    ahead, behind = stations < before.start, stations > before.end
+    if not (ahead.any() and behind.any()):
+        return path
+    width = before.lane_width
+    lanes_moved = round(float(np.median(path.course[behind]) - np.median(path.course[ahead])) / width)
+    if lanes_moved == 0:
+        return path
+    ramp = lanes_moved * _smoothing_ramp(path.course, stations, size=lanes_moved * width)
+    course = path.course - width * ramp
+    middle = float(course.mean())
+    return replace(path, course=course - middle, lanes=path.lanes + ramp, levels=path.levels + middle)
+
+
+def _smoothing_ramp(course: FloatArray, stations: FloatArray, *, size: float) -> FloatArray:
+    """The ramp (stations,) from 0 to 1 that, `size` [m] times, leaves the course with the least movement to either side."""
+    ramps = [
+        np.clip((stations - start) / length, 0.0, 1.0)
+        for length in RAMP_LENGTHS_M
+        for start in stations[(stations > stations[0]) & (stations < stations[-1] - length)]
+    ]
+    left = np.abs(np.diff(course - size * np.array(ramps), axis=1)).sum(axis=1)
+    return np.asarray(ramps[int(np.argmin(left))])
 
 
 def anchored(levels: LaneLevels, path: CommonPath, table: StationTable, before: MapBefore, weights: FloatArray) -> Anchor:
