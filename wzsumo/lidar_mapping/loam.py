@@ -41,7 +41,8 @@ from wzsumo.spec import Spec
 class LoamSpec(Spec):
     """Odometry and mapping of one drive."""
 
-    ground: SmrfSpec = SmrfSpec(elevation_threshold_m=0.2)  # Chen et al. 2022
+    # Chen et al. 2022 for the threshold. No allowance for slope: a road has hardly any, and what noise adds hides low cones.
+    ground: SmrfSpec = SmrfSpec(elevation_threshold_m=0.2, elevation_scalar=0.0)
     features: FeatureSpec = FeatureSpec()
     motion: MotionSpec = MotionSpec()
     edge_radius_m: float = Field(default=0.6, gt=0)  # of the search for a line's points: a cone's width and a scan's spacing
