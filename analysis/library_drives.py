@@ -1,27 +1,45 @@
 """Is the drive safe in every zone of the library? Outcome, clearance and conflicts over scenarios, seeds, methods and speeds.
 
-python analysis/library_drives.py --first 21 --seeds 3 --methods swept lanes --speeds 10 zone --out results/library_drives
+python analysis/library_drives.py --first 61 --seeds 5 --traces 10 --speeds 10 zone --out results/library_drives
 
-"zone" is the posted speed; above the paper's 10 m/s the regulated pursuit and the tuned PID drive, for the paper's controllers
-are made for that one speed. Rows are appended as they come: a study that was stopped goes on where it was.
+"zone" is the posted speed. Rows are appended to rows.csv as they come, first all scenarios at one seed and speed: a study that
+was stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/library_drives.md.
 """
 
 import argparse
 import sys
-import tempfile
+from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from wzsumo.errors import InputError
-from wzsumo.study.case import quiet_progress, run_case
+from wzsumo.output import write_whole
 from wzsumo.study.scenario import Scenario, load_scenario
+from wzsumo.study.study_case import StudyCase
+from wzsumo.study.sweep_tasks import evaluate, simulate
 from wzsumo.units import mps_from_mph
 
 LIBRARY = Path(__file__).parents[1] / "scenarios"
 PAPER_SPEED_MPS = 10.0
-KEPT = ("outcome", "reason", "precision", "recall", "iou", "plan_ms", "drive_time_s", "max_cross_track_m")
+KEPT = (
+    "outcome", "reason", "plan_status", "plan_speed_mps", "precision", "recall", "iou", "plan_ms", "n_expansions",
+    "path_length_m", "drive_time_s", "max_cross_track_m", "case_cpu_s",
+)  # fmt: skip
+# Column of the printed tables, column of rows.csv, and what is printed of several drives.
+SHOWN = {
+    "clearance m": ("driven_min_clearance_devices_m", "min"),
+    "TTC s": ("driven_min_ttc_s", "min"),
+    "DRAC m/s2": ("driven_max_drac_mps2", "max"),
+    "lateral m/s2": ("driven_max_lateral_acceleration_mps2", "max"),
+    "braking m/s2": ("driven_max_braking_mps2", "max"),
+    "jerk m/s3": ("driven_max_jerk_mps3", "max"),
+    "off path m": ("max_cross_track_m", "max"),
+    "mean speed m/s": ("driven_mean_speed_mps", "median"),
+    "delay behind s": ("driven_delay_behind_per_vehicle_s", "median"),
+}
 
 
 def main() -> None:
@@ -29,68 +47,80 @@ def main() -> None:
     parser.add_argument("--scenarios", nargs="+", default=sorted(path.stem for path in LIBRARY.glob("*.toml")))
     parser.add_argument("--first", type=int, default=21)
     parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--methods", nargs="+", default=["swept", "lanes"])
+    parser.add_argument("--methods", nargs="+", default=["lanes", "swept"])
     parser.add_argument("--speeds", nargs="+", choices=["10", "zone"], default=["10"])
     parser.add_argument("--traces", type=int, help="number of traces used, instead of what each scenario says")
     parser.add_argument("--out", type=Path, default=Path("results/library_drives"))
+    parser.add_argument("--table", action="store_true", help="print the tables of what is there and drive no more")
     args = parser.parse_args()
+    if not args.table:
+        for rows in missing_drives(args):
+            rows.to_csv(args.out / "rows.csv", mode="a", header=not (args.out / "rows.csv").exists(), index=False)
+            print(rows[["scenario", "seed", "speed", "method", "outcome"]].to_string(header=False), file=sys.stderr)
+    print_tables(pd.read_csv(args.out / "rows.csv", dtype={"speed": str}))
+
+
+def missing_drives(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
+    """The rows of each scenario, seed and speed that rows.csv does not have."""
     args.out.mkdir(parents=True, exist_ok=True)
-    rows_file = args.out / "rows.csv"
-    done = (
-        pd.read_csv(rows_file, dtype={"speed": str})
-        if rows_file.exists()
-        else pd.DataFrame(columns=["scenario", "seed", "speed"])
-    )
-    for name in args.scenarios:
-        for seed in range(args.first, args.first + args.seeds):
-            for speed in args.speeds:
-                if ((done["scenario"] == name) & (done["seed"] == seed) & (done["speed"] == speed)).any():
-                    continue
-                scenario = at_speed(load_scenario(LIBRARY / f"{name}.toml", seed=seed), speed, traces=args.traces)
-                rows = pd.DataFrame(
-                    [{"scenario": name, "seed": seed, "speed": speed} | row for row in drives(scenario, args.methods)]
-                )
-                rows.to_csv(rows_file, mode="a", header=not rows_file.exists(), index=False)
-                print(rows[["scenario", "seed", "speed", "method", "outcome"]].to_string(header=False), file=sys.stderr)
-    summarise(pd.read_csv(rows_file, dtype={"speed": str}))
+    rows_file, done = args.out / "rows.csv", set()
+    if rows_file.exists():
+        table = pd.read_csv(rows_file, dtype={"speed": str})
+        done = set(table[["speed", "seed", "scenario"]].itertuples(index=False, name=None))
+    seeds = range(args.first, args.first + args.seeds)
+    for speed, seed, name in product(args.speeds, seeds, args.scenarios):
+        if (speed, seed, name) in done:
+            continue
+        scenario = at_speed(load_scenario(LIBRARY / f"{name}.toml", seed=seed), speed, traces=args.traces)
+        cases = [StudyCase(scenario=scenario, method=method, drive=True) for method in args.methods]
+        yield pd.DataFrame([
+            {"scenario": name, "seed": seed, "speed": speed, "method": case.method} | row
+            for case, row in zip(cases, drives(cases, args.out / "fleets"), strict=True)
+        ])  # fmt: skip
 
 
 def at_speed(scenario: Scenario, speed: str, *, traces: int | None) -> Scenario:
+    """The scenario with the ego at a speed and with its map made of so many traces."""
     crowd = scenario.crowd if traces is None else scenario.crowd.model_copy(update={"used": traces})
-    if speed == "10":
-        control = scenario.control.model_copy(update={"target_speed_mps": PAPER_SPEED_MPS})
-        return scenario.model_copy(update={"crowd": crowd, "control": control})
-    wanted = mps_from_mph(scenario.work_zone.posted_speed_mph)
-    fast = {"target_speed_mps": wanted, "lateral": "regulated", "longitudinal": "tuned"}
+    wanted = PAPER_SPEED_MPS if speed == "10" else mps_from_mph(scenario.work_zone.posted_speed_mph)
+    # The paper's controllers are made for its one speed.
+    laws = {} if speed == "10" else {"lateral": "regulated", "longitudinal": "tuned"}
     return scenario.model_copy(update={
         "crowd": crowd,
-        "control": scenario.control.model_copy(update=fast),
+        "control": scenario.control.model_copy(update={"target_speed_mps": wanted} | laws),
         "planner": scenario.planner.model_copy(update={"planned_speed_mps": wanted}),
     })  # fmt: skip
 
 
-def drives(scenario: Scenario, methods: list[str]) -> list[dict[str, Any]]:
-    """One row a method."""
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            result = run_case(scenario, Path(folder), methods=methods, progress=quiet_progress)
-        except InputError as error:
-            return [{"method": method, "outcome": "REFUSED", "reason": str(error)} for method in methods]
+def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
+    """What is kept of each case; the simulation of its fleet, which the speeds share, is kept in a folder."""
+    fleet = fleets / f"{cases[0].simulation}.parquet"
+    if not fleet.exists():
+        write_whole(fleet, simulate(cases[0].scenario))
+    try:
+        rows = evaluate(fleet.read_bytes(), cases)
+    except InputError as error:
+        rows = [{"status": "REFUSED", "reason": str(error)} for _ in cases]
     return [
-        {"method": method}
-        | {name: figures[name] for name in KEPT}
-        | {f"{stage}_{key}": value for stage in ("planned", "driven", "drive") for key, value in (figures[stage] or {}).items()}
-        | {"n_in_closed_area": result["fleet"]["n_in_closed_area"]}
-        for method, figures in result["methods"].items()
+        {name: row.get(name) for name in KEPT}
+        | {name: value for name, value in row.items() if name.startswith(("planned_", "driven_"))}
+        | ({} if row["status"] == "DONE" else {"outcome": row["status"]})
+        for row in rows
     ]
 
 
-def summarise(table: pd.DataFrame) -> None:
+def print_tables(table: pd.DataFrame) -> None:
+    """Markdown: a table of each speed and method with the worst drive of each scenario, or the median one."""
     for (speed, method), part in table.groupby(["speed", "method"]):
-        outcomes = part["outcome"].value_counts().to_dict()
-        print(f"\n{method} at {'10 m/s' if speed == '10' else 'the posted speed'}, n = {len(part)}: {outcomes}")
-        columns = ["driven_min_clearance_devices_m", "drive_min_ttc_s", "drive_max_drac_mps2", "max_cross_track_m"]
-        print(part.groupby("scenario")[columns].agg(["min", "max"]).round(2).to_string())
+        outcomes = ", ".join(f"{name} {n}" for name, n in part["outcome"].value_counts().items())
+        print(f"\n**{method}, {'10 m/s' if speed == '10' else 'posted speed'}**: n = {len(part)}, {outcomes}\n")
+        print(f"| scenario | n | reached | {' | '.join(SHOWN)} |\n|---|{'---:|' * (2 + len(SHOWN))}")
+        for name, drives in part.groupby("scenario"):
+            shown = [f"{drives[column].agg(which):.2f}" for column, which in SHOWN.values()]
+            reached = int((drives["outcome"] == "REACHED_GOAL").sum())
+            print(f"| `{name}` | {len(drives)} | {reached} | {' | '.join(shown)} |")
+        for row in part[part["outcome"] != "REACHED_GOAL"].itertuples():
+            print(f"\n- `{row.scenario}`, seed {row.seed}: {row.outcome}, {row.reason}")
 
 
 if __name__ == "__main__":

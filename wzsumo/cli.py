@@ -67,6 +67,10 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
 
 def _run(args: argparse.Namespace) -> dict[str, Any]:
+    if args.command == "plan":
+        from wzsumo.study.plan_verb import plan_on_map
+
+        return plan_on_map(args.map, args.out, start=args.start, goal=args.goal, speed_mps=args.speed_mps)
     from wzsumo.study import cloud_verbs, sweep_verbs, verbs
 
     carry_out: dict[str, Callable[[], dict[str, Any]]] = {
@@ -77,7 +81,6 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
         "map": lambda: verbs.map_traces(
             args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m
         ),
-        "plan": lambda: verbs.plan_on_map(args.map, args.out, start=args.start, goal=args.goal, speed_mps=args.speed_mps),
         "sweep": lambda: sweep_verbs.sweep_study(
             args.study, args.out, workers=args.workers, scheduler=args.scheduler, dry_run=args.dry_run
         ),
@@ -93,10 +96,10 @@ def _run_scenario_or_case(args: argparse.Namespace) -> dict[str, Any]:
     from wzsumo.study import verbs
 
     if args.case is None:
-        return verbs.run_scenario(args.scenario, args.out, seed=args.seed, methods=args.method)
+        return verbs.run_scenario(args.scenario, args.out, seed=args.seed, methods=args.method, in_window=args.gui)
     if args.seed is not None or args.method:
         raise InputError(f"--case {args.case}: the case has a seed and a method of its own; leave --seed and --method out")
-    return verbs.run_case_again(args.scenario, args.out, case=args.case)
+    return verbs.run_case_again(args.scenario, args.out, case=args.case, in_window=args.gui)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -122,6 +125,7 @@ def _parser() -> argparse.ArgumentParser:
             sub.add_argument("--case", metavar="NAME", help="a case of a sweep, whose folder then stands for SCENARIO.toml")
             sub.add_argument("--seed", type=_seed, help="instead of the scenario's own")
             sub.add_argument("--method", nargs="+", action="extend", metavar="NAME", help=_METHODS)
+            sub.add_argument("--gui", action="store_true", help="show each drive live in sumo-gui")
     sub = command("capacity", "what the zone can carry by the Highway Capacity Manual, 7th edition")
     sub.add_argument("scenario", type=Path, metavar="SCENARIO.toml")
     sub = command("map", "make a ROS map (map.pgm, map.yaml) from anybody's traces", _TRACES)

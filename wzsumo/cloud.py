@@ -18,10 +18,9 @@ _PLY_TYPES = {
 
 def check_cloud(points: npt.ArrayLike, *, source: str, at_least: int = 1) -> FloatArray:
     """The points (n, 3) [m] as contiguous float64. Raises CloudError naming `source` at the first fault."""
-    try:
-        cloud = np.ascontiguousarray(points, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise CloudError(f"{source}: not a table of numbers; a cloud is (n, 3): x, y, z in metres") from None
+    if np.asarray(points).dtype.kind not in "iuf":
+        raise CloudError(f"{source}: not a table of real numbers; a cloud is (n, 3): x, y, z in metres")
+    cloud = np.ascontiguousarray(points, dtype=np.float64)
     if cloud.ndim != 2 or cloud.shape[1] != 3:
         raise CloudError(f"{source}: an array of shape {cloud.shape} is not a cloud; give (n, 3): x, y, z in metres")
     if len(cloud) < at_least:

@@ -47,15 +47,29 @@ class Command:
     steering: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class Replan:
+    """What came of a map that reached the ego while it drove."""
+
+    time_s: float  # simulated
+    station_m: float  # on the path so far, from where on the new one is followed
+    status: str  # of the plan
+    reason: str  # one sentence, empty where a path was found
+    plan_ms: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EgoRun:
     """The driven run: a log with `tables.EGO_LOG_COLUMNS`, one row a control step, and its outcome.
 
-    `traffic` is a trace table with all columns: the vehicles near the ego, ten times a second.
+    `traffic` and `followers` are trace tables with all columns: the vehicles near the ego ten times a second, and all on the
+    road once a second.
     """
 
     log: pd.DataFrame
     traffic: pd.DataFrame
+    followers: pd.DataFrame
+    replans: tuple[Replan, ...]
     outcome: Outcome
     reason: str  # one sentence, empty where the goal was reached
 

@@ -33,5 +33,9 @@ class SumoMissingError(InputError):
     """SUMO cannot be loaded on this machine."""
 
 
+class DisplayError(InputError):
+    """A window was asked for where none can be opened, or it was closed before the end."""
+
+
 class SimulationError(Exception):
     """SUMO did what the toolkit did not expect: a fault of ours, exit code 1."""

@@ -7,11 +7,12 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-import pyarrow as pa
-import pyarrow.parquet as pq
+from typing import TYPE_CHECKING
 
 from wzsumo.errors import OutputError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 UNFINISHED = ".unfinished-"  # what a file or folder is called until it is whole
 
@@ -62,8 +63,10 @@ def write_whole(path: Path, content: bytes) -> None:
         ) from None
 
 
-def parquet_bytes(table: pa.Table) -> bytes:
+def parquet_bytes(table: "pa.Table") -> bytes:
     """A Parquet file of the table in which every page has a checksum."""
+    import pyarrow.parquet as pq  # a path is planned and written without it in less time than it takes to import
+
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)
     return buffer.getvalue()

@@ -35,10 +35,8 @@ class ReferencePath:
 
     def to_csv(self, path: Path) -> None:
         """Write columns x_m, y_m, heading_rad, s_m, curvature_1pm (rear axle)."""
-        import pandas as pd  # the planner itself starts half again as fast without it
-
-        table = pd.DataFrame(self.poses, columns=["x_m", "y_m", "heading_rad"])
-        table.assign(s_m=self.arc_length, curvature_1pm=self.curvature).to_csv(path, index=False, float_format="%.6f")
+        table = np.column_stack([self.poses, self.arc_length, self.curvature])
+        np.savetxt(path, table, fmt="%.6f", delimiter=",", header="x_m,y_m,heading_rad,s_m,curvature_1pm", comments="")
 
 
 def swept_pieces(poses: npt.ArrayLike, vehicle: VehicleGeometry) -> npt.NDArray[np.object_]:

@@ -25,9 +25,9 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.installation import sumo_binary
-from wzsumo.study.case import map_of_zone, plan_for
 from wzsumo.study.crowd_traces import reported_traces
 from wzsumo.study.guides import crowd_guide
+from wzsumo.study.map_and_plan import map_of_zone, plan_for
 from wzsumo.study.mapping_methods import learn_from
 from wzsumo.study.site import prepare_site
 from wzsumo.study.study_case import StudyCase

@@ -64,9 +64,9 @@ def test_module_imports_only_from_layers_below_it(path):
     assert modules_of_ours(path) <= allowed_from(part_of(module_name(path)))
 
 
-def test_only_simulation_session_imports_libsumo():
+def test_only_simulation_connection_imports_libsumo():
     importers = {module_name(p) for p in FILES for m in imports_of(p) if m.split(".")[0] in {"libsumo", "traci"}}
-    assert importers == {"wzsumo.simulation.session"}
+    assert importers == {"wzsumo.simulation.connection"}
 
 
 def run_python(code):

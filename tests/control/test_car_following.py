@@ -2,19 +2,22 @@ import math
 
 import numpy as np
 import pytest
-from control.drives import drive, straight_path
+from control.drives import CAR, drive, straight_path
 from hypothesis import given
 from hypothesis import strategies as st
 
 from wzsumo.control.car_following import (
+    STOP_MARGIN_M,
     IdmSpec,
     Leader,
     acc_acceleration,
     constant_acceleration_heuristic,
     idm_acceleration,
+    stopping_acceleration,
 )
-from wzsumo.control.controller import ControlSpec
-from wzsumo.control.plant import PlantSpec
+from wzsumo.control.controller import Controller, ControlSpec
+from wzsumo.control.plant import PlantSpec, advance_ego
+from wzsumo.ego import EgoState
 from wzsumo.errors import InputError
 
 
@@ -141,3 +144,43 @@ def test_the_gap_in_steady_following_is_standstill_gap_and_time_gap():
     run = drive(straight_path(5000), control, still_air, speed=15.0, leader=leader, time_limit=150)
     assert run["gap"][-1] == pytest.approx(2.0 + 15.0 * 1.5, abs=0.1)
     assert np.abs(run["acceleration"][-200:]).max() < 0.01
+
+
+def stop_before(place_m, *, speed, seen_at_m=0.0):
+    """A drive towards a place that shows itself `place_m` ahead of the bumper once the ego has gone `seen_at_m`; for 40 s."""
+    controller = Controller(straight_path(1000), CAR, ControlSpec(target_speed_mps=speed))
+    state, rows = EgoState(x=0.0, y=0.0, heading=0.0, speed=speed), []
+    for _ in range(800):
+        left = place_m + seen_at_m - state.x
+        command = controller.command(state, dt=0.05, leader=None, stop_in_m=left if state.x >= seen_at_m else None)
+        state = advance_ego(state, command, dt=0.05, vehicle=CAR, spec=PlantSpec())
+        rows.append((left, state.speed, state.acceleration))
+    return np.array(rows).T
+
+
+@pytest.mark.parametrize("speed", [10.0, 20.0, 27.0])
+def test_ego_that_sees_a_place_in_time_stops_before_it_with_comfortable_braking(speed):
+    left, speeds, accelerations = stop_before(speed**2 / 4 + 60.0, speed=speed)
+    assert speeds[-1] < 0.05
+    assert 0 < left[-1] < 1.5 * STOP_MARGIN_M
+    assert accelerations.min() > -1.2 * IdmSpec().comfortable_deceleration_mps2
+    over_half_a_second = (accelerations[10:] - accelerations[:-10])[speeds[10:] > 1.0] / 0.5  # the last jolt of a stop left out
+    assert np.abs(over_half_a_second).max() < 2.5  # m/s3; ISO 15622, of adaptive cruise control above 20 m/s
+
+
+def test_ego_that_sees_a_place_late_brakes_no_harder_than_it_takes_to_stop_before_it():
+    left, speeds, accelerations = stop_before(12.0, speed=10.0, seen_at_m=50.0)
+    assert speeds[-1] < 0.05
+    assert left[-1] > 0
+    needed = 10.0**2 / (2 * (12.0 - STOP_MARGIN_M))
+    assert -accelerations.min() < 1.6 * needed  # the power train answers 0.3 s late, which asks for more afterwards
+
+
+def test_place_that_is_far_off_takes_nothing_of_the_acceleration():
+    assert stopping_acceleration(10.0, distance_m=1e6, spec=IdmSpec()) == pytest.approx(IdmSpec().acceleration_mps2)
+
+
+@given(speed=st.floats(0, 40), distance=st.floats(-5, 300), more=st.floats(0, 100))
+def test_place_farther_off_never_asks_for_harder_braking(speed, distance, more):
+    near = stopping_acceleration(speed, distance_m=distance, spec=IdmSpec())
+    assert stopping_acceleration(speed, distance_m=distance + more, spec=IdmSpec()) >= near - 1e-12

@@ -171,6 +171,20 @@ def test_clouds_of_a_part_in_millimetre_size_are_registered_alike():
     np.testing.assert_allclose(result.transform, truth, atol=2e-4)
 
 
+@pytest.mark.parametrize("stray", [[2e6, 0.0, 0.0], [300.0, -900.0, 40.0]])
+def test_stray_point_far_off_changes_nothing(stray):
+    result = register(np.vstack([street(0.4, 2), [stray]]), street(0.0, 1))
+    assert result.status == RegistrationStatus.CONVERGED
+    np.testing.assert_allclose(result.transform[:2, 3], [0.4, 0.0], atol=0.06)
+
+
+def test_clouds_in_centimetres_are_registered_in_centimetres():
+    truth = rigid(rotation_from_vector([0.0, 0, 0.1]), [40.0, -20.0, 5.0])
+    result = register(moved(100 * room(2), inverse(truth)), 100 * room(1))
+    assert result.status == RegistrationStatus.CONVERGED
+    np.testing.assert_allclose(result.transform[:3, 3], truth[:3, 3], atol=1.5)
+
+
 @pytest.mark.parametrize("step", [0.4, 1.0])
 def test_street_scans_do_not_lock_on_their_own_ground_rings(step):
     result = register(street(step, 2, yaw=0.01, y=0.1), street(0.0, 1))
@@ -186,8 +200,9 @@ def test_scan_turned_far_about_the_vertical_is_found(yaw):
     assert rpy_from_rotation(result.transform[:3, :3])[2] == pytest.approx(yaw, abs=0.005)
 
 
-def test_identical_clouds_are_named_and_not_silently_an_identity():
-    result = register(room(1), room(1))
+@pytest.mark.parametrize("order", [1, -1])
+def test_identical_clouds_are_named_and_not_silently_an_identity(order):
+    result = register(room(1)[::order], room(1))
     assert result.status == RegistrationStatus.IDENTICAL_CLOUDS
     np.testing.assert_array_equal(result.transform, np.eye(4))
     assert result.free_directions == 6

@@ -85,6 +85,14 @@ def test_filled_holes_equal_direct_solution_of_membrane(seed, share, rows, cols)
     np.testing.assert_allclose(fill_holes(surface, hole), slow_membrane(surface, hole), atol=2e-4)
 
 
+def test_long_hole_to_a_stray_point_is_filled_with_the_slope_between():
+    """A solver that starts from nothing needs as many steps as the hole is long, and would stop before it is there."""
+    surface = np.full((5, 6000), np.nan)
+    surface[:, :40], surface[2, -1] = 0.0, 100.0
+    filled = fill_holes(surface, np.isnan(surface))
+    np.testing.assert_allclose(filled, slow_membrane(surface, np.isnan(surface)), atol=0.02)
+
+
 def test_wide_hole_in_a_plane_is_filled_with_the_plane():
     y, x = np.mgrid[:90, :120]
     plane = 500 + 0.1 * x - 0.05 * y
@@ -137,7 +145,9 @@ def test_one_point_and_one_column_of_cells_are_ground(points):
         (np.zeros((5, 2)), "shape (5, 2)"),
         ([[0, 0, 0], [1, np.nan, 2]], "point 1"),
         ([[0, 0, 0], [1e9, 1e9, 0]], "stray"),
-        ([["a", "b", "c"]], "not a table of numbers"),
+        (np.random.default_rng(1).uniform(0, 3000, (2000, 3)), "less than one in 400 cells"),  # centimetres for metres
+        ([["a", "b", "c"]], "not a table of real numbers"),
+        (np.full((4, 3), 1j), "not a table of real numbers"),
     ],
 )
 def test_cloud_that_cannot_be_filtered_is_refused_with_reason(points, part):

@@ -30,6 +30,17 @@ def test_slow_minutes_that_recover_are_no_breakdown():
     assert found.peak_flow_per_h == 1500
 
 
+def test_flow_past_a_queue_that_barely_slows_is_no_discharge():
+    light, heavy = (20, 30, 0.55), (23, 24, 0.3)
+    found = bottleneck_discharge(*series((20, 30, 1.0), light, heavy), free_speed=FREE)
+    # 10 minutes' mean is below half where 3 of them are heavy (7 x 0.55 + 3 x 0.3 = 4.75): those after minutes 28 to 32.
+    assert found.breakdown_min == 28
+    # 8 minutes' mean is where 2 are (6 x 0.55 + 2 x 0.3 = 3.9): from minute 42 on.
+    assert found.n_discharge_min == 21
+    assert found.queue_discharge_per_h == 1440
+    assert np.isnan(bottleneck_discharge(*series((20, 30, 1.0), light), free_speed=FREE).queue_discharge_per_h)
+
+
 def test_minutes_without_a_vehicle_count_as_free():
     count, speed = series((40, 0, 1.0))
     assert np.isnan(bottleneck_discharge(count, np.full_like(speed, np.nan), free_speed=FREE).breakdown_min)

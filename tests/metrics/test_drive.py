@@ -20,7 +20,7 @@ def run_of(speed, *, curvature=0.0, traffic=NOBODY):
     x, y = (np.sin(heading) / curvature, (1 - np.cos(heading)) / curvature) if curvature else (s, 0 * s)
     log = pd.DataFrame(dict.fromkeys(EGO_LOG_COLUMNS, 0.0), index=range(len(speed)))
     log = log.assign(time_s=100 + STEP_S * np.arange(len(speed)), x_m=x, y_m=y, heading_rad=heading, speed_mps=speed)
-    return EgoRun(log=log, traffic=traffic, outcome=Outcome.REACHED_GOAL, reason="")
+    return EgoRun(log=log, traffic=traffic, followers=NOBODY, replans=(), outcome=Outcome.REACHED_GOAL, reason="")
 
 
 def leader_trace(gap_m, *, speed, duration_s=5.0):

@@ -72,6 +72,16 @@ def test_plan_keeps_lateral_acceleration_within_its_limit_at_the_planned_speed(s
     assert_drivable(plan, goal=goal, grid=grid, max_curvature=min(2 / speed_mps**2, 1 / CAR.min_turning_radius_m))
 
 
+def test_bend_that_is_too_sharp_for_the_planned_speed_is_planned_for_the_speed_that_it_allows():
+    # 60 mph need a radius of 26.8^2 / 2 = 360 m; with half the square of the speed, 19 m/s, it is 180 m.
+    grid, start, goal = work_zone_grid(resolution=0.25, alignment=Alignment(radius_m=300.0))
+    plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec(planned_speed_mps=26.8))
+    assert plan.status is PlanStatus.FOUND
+    assert plan.speed_mps == pytest.approx(26.8 / np.sqrt(2))
+    assert np.abs(plan.path.curvature).max() <= 2.0 / plan.speed_mps**2
+    assert np.abs(plan.path.curvature).max() > 2.0 / 26.8**2
+
+
 def test_reported_clearance_equals_shapelys():
     grid, start, goal = work_zone_grid()
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())

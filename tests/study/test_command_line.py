@@ -198,3 +198,12 @@ def test_same_scenario_and_seed_give_the_same_result_in_another_process(tmp_path
     assert results[0] == results[1]
     assert json.loads(results[0])["methods"]["swept"]["outcome"] != "NO_PATH"
     shutil.rmtree(tmp_path / "first")
+
+
+def test_run_in_a_window_on_a_machine_without_a_display_is_refused_before_anything_is_simulated(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    code, out, err = run(capsys, "run", PAPER, "--out", tmp_path / "run", "--gui")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "--gui: there is no display here" in err
+    assert not (tmp_path / "run").exists()

@@ -4,7 +4,7 @@ from builders import paper_layout
 
 from wzsumo.ego import EgoState
 from wzsumo.simulation.network import edges_of
-from wzsumo.simulation.session import Traffic
+from wzsumo.simulation.traffic import Traffic
 from wzsumo.study.lane_intrusion import intrusions
 from wzsumo.vehicle import VehicleGeometry
 

@@ -1,4 +1,4 @@
-"""Car following, so that the ego keeps its gap instead of running into a queue.
+"""Car following, so that the ego keeps its gap instead of running into a queue, and stopping before a place.
 
 The intelligent driver model brakes as in an emergency when someone cuts in closely at nearly its own speed. The adaptive
 cruise control built on it does not: it trusts that the leader will go on accelerating as it does now.
@@ -11,6 +11,8 @@ from pydantic import Field
 
 from wzsumo.errors import InputError
 from wzsumo.spec import Spec
+
+STOP_MARGIN_M = 1.0  # left to a place: where it lies is a forecast
 
 
 class IdmSpec(Spec):
@@ -63,6 +65,23 @@ def acc_acceleration(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
     if idm >= calm:
         return idm
     return (1 - spec.coolness) * idm + spec.coolness * (calm + comfortable * tanh((idm - calm) / comfortable))
+
+
+def stopping_acceleration(speed: float, *, distance_m: float, spec: IdmSpec) -> float:
+    """Highest acceleration [m/s2] with which the ego stops short of a place `distance_m` ahead of its bumper.
+
+    With d = v^2 / (2 room), the constant deceleration that stops it there, it is a - (a + b) (d / b)^2: all of a far off, then
+    gently less, and -b from where b is called for on. Only where even that comes too late is it -d. A vehicle that stands there
+    would ask for more, for the time gap that is kept to vehicles. The square is that of the IDM's dynamic part, ibid.
+
+    >>> stopping_acceleration(10.0, distance_m=26.0, spec=IdmSpec())  # 100 / (2 x 25) = b
+    -2.0
+    """
+    most, comfortable = spec.acceleration_mps2, spec.comfortable_deceleration_mps2
+    needed = speed**2 / (2 * max(distance_m - STOP_MARGIN_M, STOP_MARGIN_M / 2))
+    if needed > comfortable or distance_m <= STOP_MARGIN_M:
+        return -max(needed, comfortable)
+    return most - (most + comfortable) * (needed / comfortable) ** 2
 
 
 def constant_acceleration_heuristic(speed: float, *, leader: Leader, spec: IdmSpec) -> float:

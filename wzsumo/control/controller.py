@@ -6,7 +6,7 @@ from typing import Literal
 import numpy.typing as npt
 from pydantic import Field
 
-from wzsumo.control.car_following import IdmSpec, Leader, acc_acceleration, idm_acceleration
+from wzsumo.control.car_following import IdmSpec, Leader, acc_acceleration, idm_acceleration, stopping_acceleration
 from wzsumo.control.path_frame import PathFrame, PathPosition
 from wzsumo.control.pedals import PedalSpec, pedal_from_acceleration
 from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, TunedPidMemory, TunedPidSpec, paper_pid, tuned_pid
@@ -82,14 +82,18 @@ class Controller:
         """Whether the rear axle is at the end of the path or past it."""
         return self._position is not None and self.station_m >= self._frame.length_m - self._spec.goal_tolerance_m
 
-    def command(self, state: EgoState, *, dt: float, leader: Leader | None) -> Command:
-        """Command for the next `dt` seconds, and the memory moved on by one step. Raises InputError for dt <= 0."""
+    def command(self, state: EgoState, *, dt: float, leader: Leader | None, stop_in_m: float | None = None) -> Command:
+        """Command for the next `dt` seconds, and the memory moved on by one step. Raises InputError for dt <= 0.
+
+        `stop_in_m` [m] is how far ahead of the front bumper a place lies that the ego may not pass now.
+        """
         if not 0 < dt < inf:
             raise InputError(f"dt={dt} s must be the time from one command to the next, above 0")
         near = self._position.segment if self._position else None
         self._position = self._frame.locate(state.x, state.y, near=near)
         reference = self._reference(state.speed, station_m=self._position.station_m)
-        pedal = self._pedal(state.speed, reference=reference, dt=dt, leader=leader)
+        ceiling = self._ceiling(state.speed, leader=leader, stop_in_m=stop_in_m)
+        pedal = self._pedal(state.speed, reference=reference, dt=dt, ceiling=ceiling)
         return Command(throttle=max(pedal, 0.0), brake=max(-pedal, 0.0), steering=self._steering(state, self._position))
 
     def _reference(self, speed: float, *, station_m: float) -> Pace:
@@ -100,13 +104,18 @@ class Controller:
         ahead = station_m + speed * spec.regulated.speed_preview_s
         return min(cruise, self._profile.at(station_m), self._profile.at(ahead))  # by speed, their first field
 
-    def _pedal(self, speed: float, *, reference: Pace, dt: float, leader: Leader | None) -> float:
+    def _ceiling(self, speed: float, *, leader: Leader | None, stop_in_m: float | None) -> float:
         spec = self._spec
-        ceiling = inf
-        if leader is not None and spec.car_following == "idm":
-            ceiling = idm_acceleration(speed, leader=leader, spec=spec.idm)
-        elif leader is not None and spec.car_following == "acc":
-            ceiling = acc_acceleration(speed, leader=leader, spec=spec.idm)
+        if spec.car_following == "none":
+            return inf
+        ceiling = inf if stop_in_m is None else stopping_acceleration(speed, distance_m=stop_in_m, spec=spec.idm)
+        if leader is not None:
+            follow = idm_acceleration if spec.car_following == "idm" else acc_acceleration
+            ceiling = min(ceiling, follow(speed, leader=leader, spec=spec.idm))
+        return ceiling
+
+    def _pedal(self, speed: float, *, reference: Pace, dt: float, ceiling: float) -> float:
+        spec = self._spec
         if spec.longitudinal == "paper":
             pedal, self._paper_pid = paper_pid(self._paper_pid, reference.speed - speed, dt=dt, spec=spec.pid)
             return min(pedal, pedal_from_acceleration(ceiling, spec=spec.pedals))

@@ -1,5 +1,6 @@
 """Registration: the rigid motion that takes one cloud of anybody's to another, coarse to fine, and how much it is worth."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -8,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from wzsumo.cloud import check_cloud
-from wzsumo.errors import CloudError
+from wzsumo.errors import CloudError, NoGroundError
 from wzsumo.frames import FloatArray
 from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, Matcher, align
 from wzsumo.lidar_mapping.patches import Shape
@@ -71,7 +72,7 @@ def register(source: npt.ArrayLike, target: npt.ArrayLike, *, start: FloatArray 
     vertical. Clouds that tell nothing come back with a status that says so. Raises CloudError for clouds that are none.
     """
     moving, fixed = check_cloud(source, source="source", at_least=3), check_cloud(target, source="target", at_least=3)
-    if moving.shape == fixed.shape and (moving == fixed).all():
+    if _same_points(moving, fixed):
         return _nothing(RegistrationStatus.IDENTICAL_CLOUDS)
     # About their own middles, for rotations about a far origin are ill-conditioned; and small clouds in larger units, so
     # that one floor of the residual scale serves a street and a part on a table.
@@ -111,6 +112,14 @@ def compile_kernels() -> None:
     rng = np.random.default_rng(1)
     floor = np.column_stack([rng.uniform(-5, 5, (400, 2)), np.zeros(400)])
     register(floor + np.array([0.1, 0.0, 0.1]), floor)
+
+
+def _same_points(moving: FloatArray, fixed: FloatArray) -> bool:
+    """Whether two clouds hold the same points, in whatever order."""
+    if moving.shape != fixed.shape:
+        return False
+    moving, fixed = (cloud[np.lexsort(cloud.T)] for cloud in (moving, fixed))
+    return bool((moving == fixed).all())
 
 
 def _guesses(start: FloatArray | None, centres: tuple[FloatArray, FloatArray], unit: float) -> list[FloatArray]:
@@ -159,10 +168,14 @@ def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float
 
 
 def _parts(points: FloatArray, extent: float) -> tuple[FloatArray, FloatArray]:
-    """(ground, standing) points of a cloud; of one too small to hold ground and objects all are standing."""
-    if extent < SMALLEST_SCENE_M:
-        return points[:0], points
-    ground = ground_mask(points, SmrfSpec(elevation_threshold_m=0.2))
+    """(ground, standing) points of a centred cloud; of one too small to hold ground and objects all are standing."""
+    ground = np.zeros(len(points), dtype=bool)
+    if extent >= SMALLEST_SCENE_M:
+        # Strays would spread the surface over millions of cells, and so would a cloud in centimetres.
+        within = np.abs(points[:, :2]).max(axis=1) < 4 * extent
+        cell = max(1.0, extent / 100)
+        with suppress(NoGroundError):
+            ground[within] = ground_mask(points[within], SmrfSpec(cell_m=cell, elevation_threshold_m=0.2))
     return points[ground], points[~ground]
 
 

@@ -21,7 +21,8 @@ from wzsumo.spec import Spec
 
 LOW_OUTLIER_SLOPE = 5.0  # 500 %, on the inverted surface with a window of one cell; Pingel et al. 2013, Section 2
 FILL_TOLERANCE_M = 1e-3  # of filled holes; a hundredth of what decides, the elevation threshold
-MAX_CELLS = 50_000_000  # 2 GiB of surfaces; a cloud with so many cells at 1 m covers 50 km^2 or holds a stray point
+MAX_CELLS = 30_000_000  # 4 GiB of surfaces at 135 bytes a cell, and a minute; 30 km^2 at 1 m
+SPARSEST, FEW_CELLS = 400, 1_000_000  # cells a point, beyond so many cells: points 20 cells apart tell of no surface
 
 
 class SmrfSpec(Spec):
@@ -29,7 +30,7 @@ class SmrfSpec(Spec):
 
     cell_m: float = Field(default=1.0, gt=0)  # ibid., all samples
     slope: float = Field(default=0.15, gt=0, le=10)  # rise over run of the steepest ground; ibid., single-parameter set
-    window_m: float = Field(default=18.0, gt=0)  # radius of the widest opening, ibid.
+    window_m: float = Field(default=18.0, gt=0, le=500)  # radius of the widest opening, ibid.; no building is a kilometre wide
     elevation_threshold_m: float = Field(default=0.5, ge=0)  # ibid.; Chen et al. 2022 take 0.2 m so that cones are kept
     elevation_scalar: float = Field(default=1.25, ge=0)  # metres added to the threshold per unit of slope, ibid.
 
@@ -48,8 +49,7 @@ def ground_mask(points: npt.ArrayLike, spec: SmrfSpec) -> BoolArray:
     """Whether each point (n, 3) [m] is ground: near the provisional terrain, above or below it.
 
     Near means |z - terrain| <= elevation_threshold_m + elevation_scalar * slope of the terrain at the point. Raises
-    CloudError for an empty cloud, a value not finite, or an extent beyond MAX_CELLS cells, NoGroundError for a cloud of
-    nothing but spikes.
+    CloudError for an empty cloud, a value not finite, or too wide an extent, NoGroundError for a cloud of nothing but spikes.
     """
     cloud = check_cloud(points, source="cloud")
     return ground_mask_on(estimate_terrain(cloud, spec), cloud, spec)
@@ -72,18 +72,17 @@ def estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> Terrain:
     low = np.floor(np.array([cloud[:, 0].min(), cloud[:, 1].min()]) / spec.cell_m + 0.5)
     high = np.floor(np.array([cloud[:, 0].max(), cloud[:, 1].max()]) / spec.cell_m + 0.5)
     cols, rows = (int(n) for n in high - low + 1)
-    if rows * cols > MAX_CELLS:
-        raise CloudError(
-            f"cloud: {cols} x {rows} cells of {spec.cell_m} m are more than {MAX_CELLS}; "
-            "take out stray points or set a larger cell_m"
-        )
+    _check_extent(rows, cols, len(cloud), spec.cell_m)
     lowest = np.full((rows, cols), np.inf)
     _keep_lowest(cloud, low, spec.cell_m, lowest)
     empty = ~np.isfinite(lowest)
     surface = fill_holes(np.where(empty, np.nan, lowest), empty, tolerance=FILL_TOLERANCE_M)
     inverted_openings = (-surface, LOW_OUTLIER_SLOPE, 1)
     hole = empty | object_cells(*inverted_openings, cell=spec.cell_m)
-    hole |= object_cells(surface, spec.slope, int(np.ceil(spec.window_m / spec.cell_m - 1e-9)), cell=spec.cell_m)
+    widest = min(
+        int(np.ceil(spec.window_m / spec.cell_m - 1e-9)), rows + cols
+    )  # a wider disk leaves nothing but the lowest cell
+    hole |= object_cells(surface, spec.slope, widest, cell=spec.cell_m)
     if hole.all():
         raise NoGroundError("cloud: no ground in it; every cell stands above or lies below its neighbours: take a wider cloud")
     height = fill_holes(surface, hole, tolerance=FILL_TOLERANCE_M)
@@ -93,6 +92,17 @@ def estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> Terrain:
         cell=spec.cell_m,
         origin=(float(low[0] * spec.cell_m), float(low[1] * spec.cell_m)),
     )
+
+
+def _check_extent(rows: int, cols: int, n_points: int, cell_m: float) -> None:
+    """Raise CloudError for a surface of more cells than fit, or than its points can tell of."""
+    remedy = "take out stray points, give x, y, z in metres, or set a larger cell_m"
+    if rows * cols > MAX_CELLS:
+        raise CloudError(f"cloud: {cols:.4g} x {rows:.4g} cells of {cell_m} m are more than {MAX_CELLS}; {remedy}")
+    if rows * cols > max(FEW_CELLS, SPARSEST * n_points):
+        raise CloudError(
+            f"cloud: {n_points} points on {cols} x {rows} cells of {cell_m} m are less than one in {SPARSEST} cells; {remedy}"
+        )
 
 
 def object_cells(surface: FloatArray, slope: float, max_radius: int, *, cell: float) -> BoolArray:

@@ -11,10 +11,10 @@ import numpy.typing as npt
 
 from wzsumo.errors import InputError
 
-# A queue stands upstream where the speed stays down: below 60 % of the free one for 5 minutes, below 70 % for 10 more.
-# Speed thresholds of this size tell free from queued flow at freeway bottlenecks; the exact share moves the moment, hardly
-# the flows.
-BREAKDOWN_SHARE, QUEUED_SHARE = 0.6, 0.7
+# A queue stands upstream where the speed stays down: below 60 % of the free one for 5 minutes, below half for 10 more. Where it
+# falls by less, what passes is what arrives: with 70 % instead of half, 10 minutes of slow traffic counted as a breakdown and
+# the 1,800 pc/h after it as discharge.
+BREAKDOWN_SHARE, QUEUED_SHARE = 0.6, 0.5
 BREAKDOWN_MIN, QUEUED_MIN = 5, 10
 SETTLING_MIN = 8  # from breakdown to the steady discharge of a queue
 CAPACITY_MIN = 15  # HCM 7: capacity is a 15-minute flow
@@ -53,7 +53,7 @@ def bottleneck_discharge(
         return Discharge(
             breakdown_min=np.nan, peak_flow_per_h=_highest_flow(count), queue_discharge_per_h=np.nan, n_discharge_min=0
         )
-    discharge = count[breakdown + SETTLING_MIN :]
+    discharge = count[_queue_has_stood(slow) & (np.arange(len(count)) >= breakdown + SETTLING_MIN)]
     long_enough = len(discharge) >= LEAST_DISCHARGE_MIN
     return Discharge(
         breakdown_min=float(breakdown),
@@ -69,8 +69,17 @@ def _breakdown(speed_share: npt.NDArray[np.float64]) -> int | None:
     for first in range(len(speed_share) - window + 1):
         slow, after = speed_share[first : first + BREAKDOWN_MIN], speed_share[first + BREAKDOWN_MIN : first + window]
         if slow.mean() < BREAKDOWN_SHARE and after.mean() < QUEUED_SHARE:
-            return first + int(np.argmax(slow < QUEUED_SHARE))
+            return first + int(np.argmax(slow < BREAKDOWN_SHARE))
     return None
+
+
+def _queue_has_stood(speed_share: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    """Whether the mean of the 8 minutes before each minute is below half the free speed."""
+    stood = np.zeros(len(speed_share), dtype=bool)
+    if len(speed_share) > SETTLING_MIN:
+        means = np.convolve(speed_share, np.full(SETTLING_MIN, 1 / SETTLING_MIN), mode="valid")
+        stood[SETTLING_MIN:] = means[:-1] < QUEUED_SHARE
+    return stood
 
 
 def _highest_flow(count: npt.NDArray[np.float64]) -> float:

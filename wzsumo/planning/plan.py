@@ -13,7 +13,7 @@ from wzsumo.path import ReferencePath
 from wzsumo.planning.arcs import poses_along
 from wzsumo.planning.attempts import search_in_turn
 from wzsumo.planning.footprint import outline_body, pose_is_free
-from wzsumo.planning.hybrid_astar import EXHAUSTED
+from wzsumo.planning.hybrid_astar import EXHAUSTED, FOUND
 from wzsumo.planning.path_check import exposure_along
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.planning_field import MEASURED_CLEARANCE_M, PlanningField, Pose, from_corner, prepare, refuse_off_map
@@ -45,6 +45,7 @@ class Plan:
     min_clearance_m: float  # to the nearest blocked cell or the map's edge; at most MEASURED_CLEARANCE_M, 0 on contact
     max_p_occupied: float  # largest p of a cell under the outline; 1 where it leaves the map
     risk_m: float  # integral along the path of the largest p under the outline
+    speed_mps: float  # at which the sharpest curvature allowed keeps the lateral acceleration: the planned one, or less
     n_expansions: int
     timings_ms: dict[str, float]  # distance_field, heuristic, search, smoothing, check, total
 
@@ -81,20 +82,20 @@ def plan_from(field: PlanningField, *, start: Pose) -> Plan:
     obstacle = _obstacle(field, start)
     if obstacle is not None:
         return _without_path(*obstacle)
-    sharpest = field.spec.max_curvature(field.vehicle)
-    outcome, n_expansions, segments = search_in_turn(field, start=at_start, goal=at_goal, max_curvature=sharpest)
+    found = search_in_turn(field, start=at_start, goal=at_goal)
+    sharpest = field.spec.max_curvature(field.vehicle, speed_mps=found.speed_mps)
     searched = time.perf_counter()
     timings = {"search": 1e3 * (searched - began)}
-    if segments is None:
+    if found.outcome != FOUND:
         way = f"from the start {_named(start)} to the goal {_named(field.goal)}"
-        tried = f"with curvature up to {sharpest:.4f} 1/m ({field.spec.planned_speed_mps:g} m/s), {n_expansions} states tried"
-        if outcome == EXHAUSTED:
+        tried = f"with curvature up to {sharpest:.4f} 1/m ({found.speed_mps:.3g} m/s), {found.n_expansions} states tried"
+        if found.outcome == EXHAUSTED:
             status, reason = PlanStatus.NO_PATH, f"no way {way} can be driven {tried}"
         else:
             limit = f"max_expansions={field.spec.max_expansions}"
             status, reason = PlanStatus.LIMIT_REACHED, f"no way {way} was found {tried}, the limit is {limit}"
-        return _without_path(status, reason, n_expansions=n_expansions, timings=timings)
-    poses = _path_poses(field, at_start, segments, sharpest)
+        return _without_path(status, reason, n_expansions=found.n_expansions, timings=timings)
+    poses = _path_poses(field, at_start, found.segments, sharpest)
     smoothed = time.perf_counter()
     exposure = exposure_along(
         poses,
@@ -111,7 +112,8 @@ def plan_from(field: PlanningField, *, start: Pose) -> Plan:
         min_clearance_m=exposure.min_clearance_m,
         max_p_occupied=exposure.max_p_occupied,
         risk_m=exposure.risk_m,
-        n_expansions=n_expansions,
+        speed_mps=found.speed_mps,
+        n_expansions=found.n_expansions,
         timings_ms=_with_total(timings),
     )
 
@@ -170,6 +172,7 @@ def _without_path(status: PlanStatus, reason: str, *, n_expansions: int = 0, tim
         min_clearance_m=float("nan"),
         max_p_occupied=float("nan"),
         risk_m=float("nan"),
+        speed_mps=float("nan"),
         n_expansions=n_expansions,
         timings_ms=_with_total(timings or {}),
     )

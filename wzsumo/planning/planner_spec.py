@@ -16,7 +16,8 @@ class PlannerSpec(Spec):
     The paper's way (Chen et al. 2022) is body="point" with inflation_radius_m=0.7, less than half a car's width.
     """
 
-    planned_speed_mps: float = Field(default=10.0, ge=0, le=60)  # 22 mph in Chen et al. 2022; it limits the curvature
+    planned_speed_mps: float = Field(default=10.0, ge=0, le=60)  # 22 mph in Chen et al. 2022; it limits the curvature ...
+    slowest_share: float = Field(default=0.1, gt=0, le=1)  # ... and where no way is found so does less, down to this share
     max_lateral_acceleration_mps2: float = Field(default=2.0, gt=0)  # comfort limit
     body: Literal["outline", "point"] = "outline"
     inflation_radius_m: float = Field(default=0.0, ge=0)
@@ -32,12 +33,12 @@ class PlannerSpec(Spec):
     smooth: bool = True
     max_curvature_jump_1pm: float = Field(default=0.002, gt=0)  # between poses of the path, 0.5 m apart at most
 
-    def max_curvature(self, vehicle: VehicleGeometry) -> float:
-        """Largest curvature [1/m] by steering angle and by lateral acceleration at the planned speed."""
+    def max_curvature(self, vehicle: VehicleGeometry, *, speed_mps: float) -> float:
+        """Largest curvature [1/m] by steering angle and by lateral acceleration at a speed."""
         steering = 1 / vehicle.min_turning_radius_m
-        if self.planned_speed_mps == 0:
+        if speed_mps == 0:
             return steering
-        return float(np.minimum(steering, self.max_lateral_acceleration_mps2 / self.planned_speed_mps**2))
+        return float(np.minimum(steering, self.max_lateral_acceleration_mps2 / speed_mps**2))
 
     @property
     def dearest_metre(self) -> float:

@@ -1,1 +1,1 @@
-"""WorkZoneLayout -> SUMO -> trace table. `session.py` alone imports libsumo."""
+"""WorkZoneLayout -> SUMO -> trace table. `connection.py` alone imports libsumo and traci."""

@@ -1,23 +1,22 @@
-"""One running SUMO simulation in this process. The only module that imports libsumo.
+"""One running SUMO simulation.
 
 libsumo allows one simulation a process. Points leave this module as vehicle CENTRES and headings; the ego is placed by the
 pose of its REAR AXLE.
 """
 
-import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from wzsumo.ego import EgoState
-from wzsumo.errors import SumoMissingError
 from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle, sumo_angle_from_heading
-from wzsumo.simulation.installation import REMEDY
+from wzsumo.simulation.connection import connected_library, connected_window, follow_in_window
+from wzsumo.simulation.gridlock import Gridlock
+from wzsumo.simulation.traffic import Traffic
 from wzsumo.simulation.turns import OWN_LINK, SIGNAL_ID
 from wzsumo.vehicle import VehicleGeometry
 
@@ -27,25 +26,6 @@ EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for 
 SIDE_CLEARANCE_M = 0.3
 _FREE_PLACEMENT = 2  # keepRoute of moveToXY: exactly where it is told, also beside the lanes (SUMO docs, TraCI moveToXY)
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Traffic:
-    """All vehicles but the ego at one moment: ids (n,), centre poses (n, 3), speeds (n,), lengths and widths (n,)."""
-
-    ids: tuple[str, ...]
-    poses: FloatArray
-    speeds: FloatArray
-    lengths: FloatArray
-    widths: FloatArray
-
-    def near(self, x: float, y: float, *, reach_m: float) -> "Traffic":
-        """The vehicles whose centre lies within `reach_m` of (x, y) [m]."""
-        kept = np.hypot(self.poses[:, 0] - x, self.poses[:, 1] - y) <= reach_m
-        return Traffic(
-            ids=tuple(name for name, is_near in zip(self.ids, kept, strict=True) if is_near),
-            poses=self.poses[kept], speeds=self.speeds[kept], lengths=self.lengths[kept], widths=self.widths[kept],
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,11 +40,13 @@ class Intrusion:
 class Session:
     """A running simulation; made by `running`."""
 
-    def __init__(self, libsumo: Any) -> None:
-        self._sumo = libsumo
+    def __init__(self, api: Any) -> None:
+        self._sumo = api
         self._sizes: dict[str, tuple[float, float]] = {}
         self._stand_ins: dict[int, str] = {}
         self._n_stand_ins = 0
+        self._brake_hard: set[str] = set()
+        self._gridlock = Gridlock(api)
 
     @property
     def time(self) -> float:
@@ -74,6 +56,10 @@ class Session:
     def step(self) -> None:
         """Advance by one step."""
         self._sumo.simulationStep()
+
+    def resolve_gridlock(self, traffic: Traffic) -> None:
+        """Let go on who has been shut in for long where lanes merge."""
+        self._gridlock.resolve(traffic.ids, traffic.poses, traffic.lengths, traffic.speeds)
 
     def traffic(self) -> Traffic:
         """The vehicles on the road now, without the ego and what stands in for it."""
@@ -96,7 +82,7 @@ class Session:
     def limit_speed(self, name: str, speed: float | None) -> None:
         """From now on the vehicle wants to drive no faster than `speed` [m/s]; None: as fast as its type may."""
         api = self._sumo.vehicle
-        own = self._sumo.vehicletype.getMaxSpeed(api.getTypeID(name).split("@")[0])
+        own = self._sumo.vehicletype.getMaxSpeed(_own_type(api.getTypeID(name)))
         api.setMaxSpeed(name, own if speed is None else speed)
 
     def may_enter_shared_lane(self) -> bool:
@@ -127,11 +113,24 @@ class Session:
         return EGO_ID in self._sumo.vehicle.getIDList()
 
     def take_over_ego(self) -> None:
-        """From now on the ego goes where `place_ego` puts it and nowhere else."""
+        """From now on the ego goes where `place_ego` puts it and nowhere else; a window follows it."""
         self._take_over(EGO_ID)
-        # Among themselves drivers never need more than their service brake; what a vehicle does that none of them is may.
-        for type_ in self._sumo.vehicletype.getIDList():
-            self._sumo.vehicletype.setEmergencyDecel(type_, EMERGENCY_DECEL_MPS2)
+        if self._sumo.hasGUI():
+            follow_in_window(self._sumo, EGO_ID)
+
+    def let_brake_hard(self, names: Collection[str]) -> None:
+        """From now on these vehicles brake as hard as tyres allow where they must, and all others as hard as their type does.
+
+        Among themselves drivers never need more than their service brake, and with more they stop dead where lanes merge and
+        shut each other in. What the ego does, which is none of them, may ask for more.
+        """
+        api = self._sumo.vehicle
+        for name in set(names) - self._brake_hard:
+            api.setEmergencyDecel(name, EMERGENCY_DECEL_MPS2)
+        for name in (self._brake_hard - set(names)) & set(api.getIDList()):
+            own = self._sumo.vehicletype.getEmergencyDecel(_own_type(api.getTypeID(name)))
+            api.setEmergencyDecel(name, own)
+        self._brake_hard = set(names)
 
     def place_ego(self, state: EgoState, vehicle: VehicleGeometry, *, intrusions: tuple[Intrusion, ...] = ()) -> None:
         """Put the ego at `state` at the end of the coming step, which drivers then see in every lane it reaches into.
@@ -174,46 +173,17 @@ class Session:
         self._sumo.vehicle.setLaneChangeMode(name, 0)
 
 
-def traffic_trace(moments: Iterable[tuple[float, Traffic]]) -> pd.DataFrame:
-    """The trace table, with all its columns, of the traffic at times [s]."""
-    moments = list(moments)
-    counts = [len(traffic.ids) for _, traffic in moments]
-    poses = np.concatenate([np.empty((0, 3)), *(traffic.poses for _, traffic in moments)])
-
-    def column(name: str) -> FloatArray:
-        return np.concatenate([np.empty(0), *(getattr(traffic, name) for _, traffic in moments)])
-
-    return pd.DataFrame({
-        "vehicle_id": [name for _, traffic in moments for name in traffic.ids],
-        "time_s": np.repeat([time for time, _ in moments], counts),
-        "x_m": poses[:, 0], "y_m": poses[:, 1], "heading_rad": poses[:, 2],
-        "speed_mps": column("speeds"), "length_m": column("lengths"), "width_m": column("widths"),
-    })  # fmt: skip
+def _own_type(type_id: str) -> str:
+    """The type that a vehicle came with: SUMO makes a copy, type@vehicle, of which single values are set."""
+    return type_id.split("@", maxsplit=1)[0]
 
 
 @contextmanager
-def running(config: Path, *, options: tuple[str, ...] = ()) -> Iterator[Session]:
-    """A simulation of a SUMO configuration, closed at the end of the block. Raises SumoMissingError."""
-    libsumo = _load_libsumo()
-    libsumo.start(["sumo", "--configuration-file", str(config), *options])
-    try:
-        yield Session(libsumo)
-    finally:
-        libsumo.close()
+def running(config: Path, *, options: tuple[str, ...] = (), in_window: bool = False) -> Iterator[Session]:
+    """A simulation of a SUMO configuration, closed at the end of the block; where asked for, to be watched in sumo-gui.
 
-
-def _load_libsumo() -> Any:
-    # libsumo prints a line about pyarrow on stdout unless told to be quiet, and sets PROJ_LIB for the whole process,
-    # which breaks other users of PROJ (rasterio).
-    os.environ.setdefault("LIBSUMO_AS_TRACI", "quiet")
-    proj = {name: os.environ.get(name) for name in ("PROJ_LIB", "PROJ_DATA")}
-    try:
-        import libsumo
-    except ImportError as error:
-        raise SumoMissingError(f"libsumo cannot be loaded ({error}); {REMEDY}") from None
-    for name, value in proj.items():
-        if value is None:
-            os.environ.pop(name, None)
-        else:
-            os.environ[name] = value
-    return libsumo
+    Raises SumoMissingError, and DisplayError where there is no window to be had or it is closed before the end.
+    """
+    arguments = ["--configuration-file", str(config), *options]
+    with connected_window(arguments) if in_window else connected_library(arguments) as api:
+        yield Session(api)

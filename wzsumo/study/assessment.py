@@ -3,9 +3,12 @@
 from dataclasses import asdict
 from typing import Any
 
+import pandas as pd
+
 from wzsumo.ego import EgoRun, Outcome
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.clearance import clearance_along
+from wzsumo.metrics.delay_behind import delay_behind
 from wzsumo.metrics.drive import measure_drive
 from wzsumo.metrics.map_quality import quality_of_cells
 from wzsumo.planning.plan import Plan
@@ -15,9 +18,19 @@ from wzsumo.study.site import Site
 
 
 def assess(
-    grid: OccupancyGrid, plan: Plan, run: EgoRun | None, *, crowd: Crowd | None, scenario: Scenario, site: Site
+    grid: OccupancyGrid,
+    plan: Plan,
+    run: EgoRun | None,
+    *,
+    crowd: Crowd | None,
+    over_zone: pd.DataFrame,
+    scenario: Scenario,
+    site: Site,
 ) -> dict[str, Any]:
-    """Figures of one method, as result.json has them; `run` is None where nothing was driven, `crowd` where none was asked."""
+    """Figures of one method, as result.json has them; `run` is None where nothing was driven, `crowd` where none was asked.
+
+    `over_zone` are the traces of the fleet without the ego.
+    """
     quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
     planned, driven = (
         None if poses is None else asdict(clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout))
@@ -36,10 +49,18 @@ def assess(
         "planned": planned,
         "driven": driven,
         "plan_status": str(plan.status),
+        "plan_speed_mps": plan.speed_mps,
         "plan_risk_m": plan.risk_m,
         "n_expansions": plan.n_expansions,
         "drive_time_s": float(run.log["time_s"].iloc[-1] - run.log["time_s"].iloc[0]) if driven and run else None,
         "max_cross_track_m": float(run.log["cross_track_m"].abs().max()) if driven and run else None,
-        "drive": asdict(measure_drive(run, scenario.vehicle)) if driven and run else None,
+        "drive": _drive_figures(run, over_zone, scenario=scenario, site=site) if driven and run else None,
+        "n_replans": len(run.replans) if run else 0,
+        "replans": [asdict(replan) for replan in run.replans] if run else [],
         "plan_ms": plan.timings_ms["total"],
     }
+
+
+def _drive_figures(run: EgoRun, over_zone: pd.DataFrame, *, scenario: Scenario, site: Site) -> dict[str, Any]:
+    caused = delay_behind(run.log, run.followers, over_zone, road=site.layout.road, vehicle=scenario.vehicle)
+    return asdict(measure_drive(run, scenario.vehicle)) | asdict(caused)

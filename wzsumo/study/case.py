@@ -7,17 +7,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
 from wzsumo import __version__
-from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.ego import EgoRun
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.fleet import summarise_fleet
 from wzsumo.metrics.traffic import measure_traffic
-from wzsumo.planning.plan import Plan, plan_path
+from wzsumo.planning.plan import Plan
 from wzsumo.simulation.files import SumoFiles, write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.simulation.trips import read_trips, trips_file
@@ -30,7 +27,10 @@ from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
 from wzsumo.study.goals import goal_figures, site_with_open_goal
 from wzsumo.study.guides import crowd_guide, nominal_guide
 from wzsumo.study.layout_files import write_layout
-from wzsumo.study.mapping_methods import MAP_METHODS, Crowd, learn_from, planner_for
+from wzsumo.study.map_and_plan import map_of_zone, plan_for
+from wzsumo.study.map_updates import arriving_crowds, new_maps, plan_to_set_out_with
+from wzsumo.study.mapping_methods import learn_from
+from wzsumo.study.replanning import NewMap
 from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site, prepare_site
 
@@ -45,8 +45,13 @@ class Progress(Protocol):
         """A context manager whose value is called with how far the step has come, in the unit of `total`."""
 
 
-def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progress: Progress) -> dict[str, Any]:
-    """Figures of one case, as in the result.json that it writes into `folder` beside maps, paths, drives and traces."""
+def run_case(
+    scenario: Scenario, folder: Path, *, methods: Iterable[str], progress: Progress, in_window: bool = False
+) -> dict[str, Any]:
+    """Figures of one case, as in the result.json that it writes into `folder` beside maps, paths, drives and traces.
+
+    `in_window` shows each drive in sumo-gui.
+    """
     clock = _Clock()
     site = prepare_site(scenario)
     write_layout(site.layout, folder)
@@ -71,6 +76,7 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
     with clock.timing("mixture"), progress("mixtures", 2 * scenario.mixture.k_max) as tell:
         crowd = learn_from(used, spec=scenario.mixture, seed=scenario.seed, progress=lambda done, _: tell(done))
     write_crowd(crowd, folder)
+    arriving = arriving_crowds(over_zone, scenario)
 
     chosen, results = list(methods), {}
     with clock.timing("baselines"):
@@ -80,10 +86,15 @@ def run_case(scenario: Scenario, folder: Path, *, methods: Iterable[str], progre
             baseline = baselines.maps.get(method)
             grid = baseline or map_of_zone(method, crowd, scenario=scenario, site=site)
         guide = nominal_guide(site) if baseline else crowd_guide(crowd, site=site)
-        plan = plan_for(method, grid, scenario=scenario, site=site, guide=guide)
+        set_out = plan_for if baseline else plan_to_set_out_with
+        plan = set_out(method, grid, scenario=scenario, site=site, guide=guide)
+        maps = () if baseline else new_maps(arriving, method, scenario=scenario, site=site)
         with clock.timing(f"drive {method}"):
-            run = drive_plan(plan, method, scenario=scenario, site=site, files=files, progress=progress)
-        results[method] = assess(grid, plan, run, crowd=None if baseline else crowd, scenario=scenario, site=site)
+            run = drive_plan(
+                plan, method, scenario=scenario, site=site, files=files, progress=progress, new_maps=maps, in_window=in_window
+            )
+        crowd_of_map = None if baseline else crowd
+        results[method] = assess(grid, plan, run, crowd=crowd_of_map, over_zone=over_zone, scenario=scenario, site=site)
         write_method(folder, method, grid, plan, run)
         results[method]["goals"] = goals_of(method, grid, plan, scenario=scenario, site=site, guide=guide, folder=folder)
 
@@ -114,21 +125,6 @@ def hcm_queue_discharge_vph(scenario: Scenario) -> float | None:
         return None
 
 
-def map_of_zone(method: str, crowd: Crowd, *, scenario: Scenario, site: Site) -> OccupancyGrid:
-    """The map that a method makes of the crowd; outside the zone, where the road is as it was, the nominal map holds."""
-    make = MAP_METHODS[method]
-    half_width = scenario.vehicle.width_m / 2
-    before = MapBefore(road=site.layout.road, start=site.layout.start, end=site.layout.end)
-    learned = make(crowd, spec=scenario.mixture, cells=site.cells, half_width_m=half_width, before=before, seed=scenario.seed)
-    return learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
-
-
-def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, guide: FloatArray) -> Plan:
-    """The plan from the site's start to its goal, by the planner that belongs to the method."""
-    spec = planner_for(method, scenario.planner)
-    return plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec, guide=guide)
-
-
 def goals_of(
     method: str, grid: OccupancyGrid, plan: Plan, *, scenario: Scenario, site: Site, guide: FloatArray, folder: Path
 ) -> dict[str, dict[str, Any]]:
@@ -143,17 +139,28 @@ def goals_of(
 
 
 def drive_plan(
-    plan: Plan, method: str, *, scenario: Scenario, site: Site, files: SumoFiles, progress: Progress
+    plan: Plan,
+    method: str,
+    *,
+    scenario: Scenario,
+    site: Site,
+    files: SumoFiles,
+    progress: Progress,
+    new_maps: Iterable[NewMap] = (),
+    in_window: bool = False,
 ) -> EgoRun | None:
-    """The ego's run along the plan through the traffic of `files`, None where there is no path to drive."""
+    """The ego's run along the plan through the traffic of `files`, None where there is no path to drive.
+
+    `new_maps` reach it on the way; `in_window` shows it in sumo-gui.
+    """
     if plan.path is None:
         return None
     drive = Drive(
         vehicle=scenario.vehicle, control=scenario.control, plant=scenario.plant,
-        depart_s=scenario.simulation.demand.warm_up_s, time_limit_s=DRIVE_LIMIT_S,
+        depart_s=scenario.simulation.demand.warm_up_s, time_limit_s=DRIVE_LIMIT_S, in_window=in_window,
     )  # fmt: skip
     with progress(f"drive on {method}", float(plan.path.arc_length[-1])) as tell:
-        return drive_path(plan.path, layout=site.layout, files=files, drive=drive, on_step=tell)
+        return drive_path(plan.path, layout=site.layout, files=files, drive=drive, on_step=tell, new_maps=new_maps)
 
 
 class _Clock:

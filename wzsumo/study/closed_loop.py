@@ -1,21 +1,25 @@
 """The ego drives its path through the running SUMO traffic, which follows it; ends with an Outcome."""
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from wzsumo.control.car_following import Leader
 from wzsumo.control.controller import Controller, ControlSpec
 from wzsumo.control.plant import PlantSpec, advance_ego
-from wzsumo.ego import Command, EgoRun, EgoState, Outcome
+from wzsumo.ego import Command, EgoRun, EgoState, Outcome, Replan
 from wzsumo.frames import FloatArray, advance
 from wzsumo.metrics.drive import on_clock
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.files import SumoFiles
-from wzsumo.simulation.session import Session, Traffic, running, traffic_trace
-from wzsumo.study.giving_way import Way, route_along, whom_to_mind
+from wzsumo.simulation.session import Session, running
+from wzsumo.simulation.traffic import Traffic, traffic_trace
+from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait
 from wzsumo.study.lane_intrusion import intrusions
+from wzsumo.study.replanning import Course, NewMap
 from wzsumo.study.stop_line import stop_line_ahead
 from wzsumo.study.surroundings import Surroundings
 from wzsumo.tables import EGO_LOG_COLUMNS
@@ -24,6 +28,8 @@ from wzsumo.work_zone import WorkZoneLayout
 
 STEP_S = 0.05  # 20 commands a second, each followed by moveToXY
 TRAFFIC_LOG_M = 100.0  # vehicles within this of the ego are logged: 4 s at 25 m/s
+BESIDE_M = 10.0  # whose centre is less than this ahead of the ego's rear axle is beside or behind it, be it a truck
+FOLLOWERS_LOG_S = 1.0  # between two looks at all vehicles, for what the ego costs those behind it
 INSERTION_WAIT_S = 120.0  # how long SUMO may look for a gap that a driver would enter
 
 
@@ -36,53 +42,99 @@ class Drive:
     plant: PlantSpec
     depart_s: float  # simulated time at which the ego asks to enter
     time_limit_s: float
+    in_window: bool = False  # whether it is shown in sumo-gui
 
 
 def drive_path(
-    path: ReferencePath, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive, on_step: Callable[[float], None]
+    path: ReferencePath,
+    *,
+    layout: WorkZoneLayout,
+    files: SumoFiles,
+    drive: Drive,
+    on_step: Callable[[float], None],
+    new_maps: Iterable[NewMap] = (),
 ) -> EgoRun:
     """The run of the ego along `path` in the traffic of `files`. `on_step` is told the station [m] on the path each step.
 
-    The other drivers act once in the scenario's step, as they do without the ego.
+    The other drivers act once in the scenario's step, as they do without the ego. `new_maps` reach it in their order; one on
+    which no path leads on ends the run.
     """
-    surroundings = Surroundings(layout, drive.vehicle)
-    with running(files.config, options=_finer_steps(files)) as session:
+    surroundings, record = Surroundings(layout, drive.vehicle), _Record()
+    with running(files.config, options=_finer_steps(files), in_window=drive.in_window) as session:
         while session.time < drive.depart_s:
             session.step()
         state = _enter(session, path, layout=layout, files=files, drive=drive)
         if state is None:
-            return _run([], [], Outcome.TIMED_OUT, f"no gap to enter the road within {INSERTION_WAIT_S:g} s")
-        controller, control = Controller(path, drive.vehicle, drive.control), drive.control
+            return record.ended(Outcome.TIMED_OUT, f"no gap to enter the road within {INSERTION_WAIT_S:g} s")
+        course = Course(path, layout=layout, vehicle=drive.vehicle, control=drive.control)
+        entered, arriving, traffic = session.time, deque(new_maps), session.traffic()
         leader: Leader | None = None
-        rows: list[tuple[float, ...]] = []
-        seen: list[tuple[float, Traffic]] = []
-        traffic, route = session.traffic(), route_along(path, layout=layout, vehicle=drive.vehicle)
+        stop_in_m: float | None = None
         while True:
+            if arriving and session.time >= entered + arriving[0].after_s:
+                replan = course.replan(arriving.popleft(), state, time=session.time)
+                record.replans.append(replan)
+                if replan.reason:
+                    return record.ended(
+                        Outcome.NO_PATH, f"on the map that came after {session.time - entered:.1f} s {replan.reason}"
+                    )
             if on_clock(session.time):  # as often as the other drivers
-                way = Way(
-                    route=route, station=controller.station_m, state=state, vehicle=drive.vehicle,
-                    desired_speed=control.target_speed_mps, acceleration=control.idm.acceleration_mps2,
-                )  # fmt: skip
-                stop = stop_line_ahead(state, vehicle=drive.vehicle, layout=layout, may_enter=session.may_enter_shared_lane())
-                minded = [it for it in (whom_to_mind(way, traffic, layout=layout), stop) if it]
-                leader = min(minded, key=lambda it: it.gap_m, default=None)
-                seen.append((session.time, traffic.near(state.x, state.y, reach_m=TRAFFIC_LOG_M)))
-            command = controller.command(state, dt=STEP_S, leader=leader)
-            rows.append(_log_row(session.time, state, command, controller))
+                session.let_brake_hard(_behind(state, traffic))
+                session.resolve_gridlock(traffic)
+                way = course.way(state)
+                leader, stop_in_m = leader_ahead(way, traffic), _nearest_stop(way, traffic, session=session, layout=layout)
+                record.look_round(session.time, state, traffic)
+            command = course.controller.command(state, dt=STEP_S, leader=leader, stop_in_m=stop_in_m)
+            record.rows.append(_log_row(session.time, state, command, course.controller))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
             over_lines = intrusions(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
             session.place_ego(state, drive.vehicle, intrusions=over_lines)
             session.step()
-            on_step(controller.station_m)
+            on_step(course.controller.station_m)
             traffic = session.traffic()
-            ended = surroundings.contact(state, traffic) or _ending(controller, session.time, drive)
+            ended = surroundings.contact(state, traffic) or _ending(course.controller, session.time, drive)
             if ended:
-                return _run(rows, seen, *ended)
+                return record.ended(*ended)
 
 
-def _run(rows: list[tuple[float, ...]], seen: list[tuple[float, Traffic]], outcome: Outcome, reason: str) -> EgoRun:
-    log = pd.DataFrame(rows, columns=list(EGO_LOG_COLUMNS))
-    return EgoRun(log=log, traffic=traffic_trace(seen), outcome=outcome, reason=reason)
+class _Record:
+    """What is kept of a run while it goes on."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[float, ...]] = []
+        self.replans: list[Replan] = []
+        self._near: list[tuple[float, Traffic]] = []
+        self._all: list[tuple[float, Traffic]] = []
+
+    def look_round(self, time: float, state: EgoState, traffic: Traffic) -> None:
+        """Keep the vehicles near the ego, and once a second all."""
+        self._near.append((time, traffic.near(state.x, state.y, reach_m=TRAFFIC_LOG_M)))
+        if not self._all or time >= self._all[-1][0] + FOLLOWERS_LOG_S - 1e-6:
+            self._all.append((time, traffic))
+
+    def ended(self, outcome: Outcome, reason: str) -> EgoRun:
+        return EgoRun(
+            log=pd.DataFrame(self.rows, columns=list(EGO_LOG_COLUMNS)),
+            traffic=traffic_trace(self._near), followers=traffic_trace(self._all),
+            replans=tuple(self.replans), outcome=outcome, reason=reason,
+        )  # fmt: skip
+
+
+def _nearest_stop(way: Way, traffic: Traffic, *, session: Session, layout: WorkZoneLayout) -> float | None:
+    """How far ahead of the bumper the ego must stop [m], to let others go or to take its turn; None where it need not."""
+    may_enter = session.may_enter_shared_lane()
+    places = (
+        place_to_wait(way, traffic, layout=layout),
+        stop_line_ahead(way.state, vehicle=way.vehicle, layout=layout, may_enter=may_enter),
+    )
+    return min((place for place in places if place is not None), default=None)
+
+
+def _behind(state: EgoState, traffic: Traffic) -> tuple[str, ...]:
+    """Those who may have to brake for the ego: near, and not ahead of it."""
+    near = traffic.near(state.x, state.y, reach_m=TRAFFIC_LOG_M)
+    ahead = (near.poses[:, :2] - state.pose[:2]) @ np.array([np.cos(state.heading), np.sin(state.heading)])
+    return tuple(name for name, is_behind in zip(near.ids, ahead < BESIDE_M, strict=True) if is_behind)
 
 
 def _finer_steps(files: SumoFiles) -> tuple[str, ...]:

@@ -53,7 +53,10 @@ def register_clouds(source: Path, target: Path, out: Path) -> Figures:
     moving, fixed = (read_cloud(path, at_least=FEWEST_POINTS) for path in (source, target))
     registration.compile_kernels()
     began = time.perf_counter()
-    result = registration.register(moving, fixed)
+    try:
+        result = registration.register(moving, fixed)
+    except CloudError as error:
+        raise CloudError(str(error).replace("source:", f"{source}:", 1).replace("target:", f"{target}:", 1)) from None
     took_ms = 1000 * (time.perf_counter() - began)
     if result.status is RegistrationStatus.IDENTICAL_CLOUDS:
         raise CloudError(

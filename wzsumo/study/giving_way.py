@@ -12,7 +12,7 @@ from wzsumo.control.car_following import Leader
 from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray, advance
 from wzsumo.path import ReferencePath
-from wzsumo.simulation.session import Traffic
+from wzsumo.simulation.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
@@ -55,14 +55,6 @@ def route_along(path: ReferencePath, *, layout: WorkZoneLayout, vehicle: Vehicle
     return Route(poses=path.poses, stations=path.arc_length, on_road=np.column_stack(layout.road.to_sd(centres)))
 
 
-def whom_to_mind(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leader | None:
-    """The nearest of the vehicle ahead and of the place where the ego must wait, None where the way is clear."""
-    if not traffic.ids:
-        return None
-    both = (leader_ahead(way, traffic), place_to_wait(way, traffic, layout=layout))
-    return min((it for it in both if it), key=lambda it: it.gap_m, default=None)
-
-
 def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
     """The nearest vehicle ahead whose body reaches into the ego's way along the path."""
     station, vehicle = way.station, way.vehicle
@@ -85,8 +77,8 @@ def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
     return Leader(gap_m=float(max(gap[who], 0.0)), speed_mps=float(traffic.speeds[who]))
 
 
-def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leader | None:
-    """The place, as a leader that stands there, where the ego would come into the way of a driver who could not yield.
+def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> float | None:
+    """How far ahead [m] the ego would come into the way of a driver who could not yield; None where the way is clear.
 
     The others go on with the speeds that they have and keep their places in their lanes, wherever those lead; the ego goes on
     along its path with the speed that it would take up. It comes into another's way when it moves to the side so far that
@@ -115,7 +107,7 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Lead
     hindered = moved_into.any(axis=1) & np.where(np.abs(theirs) < STANDING_MPS, touches, ~clear)
     if not hindered.any():
         return None
-    return Leader(gap_m=float(path_stations[entry[hindered].min()] - way.station), speed_mps=0.0)
+    return float(path_stations[entry[hindered].min()] - way.station)
 
 
 def _room(closing: FloatArray) -> FloatArray:

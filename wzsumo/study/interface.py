@@ -12,6 +12,7 @@ from wzsumo.grid import OccupancyGrid
 from wzsumo.output import staged_folder
 from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.simulation.connection import refuse_without_display
 from wzsumo.study import case
 from wzsumo.study.baselines import BASELINE_METHODS
 from wzsumo.study.case import Progress, quiet_progress
@@ -23,12 +24,18 @@ from wzsumo.vehicle import VehicleGeometry
 
 
 def run_case(
-    scenario: Scenario, out: Path | str, *, methods: Iterable[str] | None = None, progress: Progress = quiet_progress
+    scenario: Scenario,
+    out: Path | str,
+    *,
+    methods: Iterable[str] | None = None,
+    progress: Progress = quiet_progress,
+    in_window: bool = False,
 ) -> dict[str, Any]:
     """Figures of one case, as in the result.json that it writes into `out` beside maps, paths, drives and report.html.
 
     `methods` are names of MAP_METHODS and BASELINE_METHODS. Where none are given they are those of MAP_METHODS, and where the
-    scenario has a section `slam` all. Nothing is written where the case cannot be run.
+    scenario has a section `slam` all. `in_window` shows each drive live in sumo-gui. Nothing is written where the case cannot
+    be run.
 
     >>> import wzsumo
     >>> scenario = wzsumo.load_scenario("scenarios/paper.toml", seed=21)
@@ -38,8 +45,10 @@ def run_case(
     known = [*MAP_METHODS, *BASELINE_METHODS]
     chosen = list(methods) if methods is not None else known if scenario.slam else list(MAP_METHODS)
     _refuse_unknown(chosen, known=known)
+    if in_window:
+        refuse_without_display()
     with staged_folder(Path(out)) as stage:
-        result = case.run_case(scenario, stage, methods=chosen, progress=progress)
+        result = case.run_case(scenario, stage, methods=chosen, progress=progress, in_window=in_window)
         write_report(stage)
     return result
 

@@ -7,7 +7,8 @@ from wzsumo.frames import advance
 from wzsumo.grid import BoolArray
 from wzsumo.road import Road
 from wzsumo.simulation.network import Edge
-from wzsumo.simulation.session import SIDE_CLEARANCE_M, Intrusion, Traffic
+from wzsumo.simulation.session import SIDE_CLEARANCE_M, Intrusion
+from wzsumo.simulation.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 
 LEAST_REACH_M = 0.02  # less is not an intrusion

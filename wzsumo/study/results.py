@@ -69,6 +69,11 @@ MEASURED_COLUMNS = {
     "driven_max_braking_mps2": _number("m/s2", "drive: hardest braking of the ego"),
     "driven_max_jerk_mps3": _number("m/s3", "drive: largest jerk along the path"),
     "driven_mean_speed_mps": _number("m/s", "drive: mean speed"),
+    "driven_delay_behind_s": _number("s", "drive: delay of all vehicles behind the ego together, against the road without it"),
+    "plan_speed_mps": _number(
+        "m/s", "speed that the plan's curvature is made for: the planned one, or less where no way is else"
+    ),
+    "n_replans": _count("maps that reached the ego on the way, on each of which it planned anew"),
     "drive_time_s": _number("s", "time from entering to the end of the drive"),
     "max_cross_track_m": _number("m", "largest distance of the driven from the planned path"),
     "path_length_m": _number("m", "length of the planned path"),

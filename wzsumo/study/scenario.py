@@ -19,6 +19,7 @@ from wzsumo.simulation.departures import check_departures
 from wzsumo.simulation.drivers import BY_THE_HCM, hcm_drivers
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.spec import Spec, parse_spec, read_toml
+from wzsumo.study.map_updates_spec import MapUpdatesSpec
 from wzsumo.study.slam_spec import SlamSpec
 from wzsumo.units import mps_from_mph
 from wzsumo.vehicle import VehicleGeometry
@@ -66,6 +67,7 @@ class Scenario(Spec):
     mixture: MixtureSpec = MixtureSpec()
     map: MapSpec = MapSpec()
     route: RouteSpec
+    map_updates: MapUpdatesSpec | None = None  # none: the ego drives on the map that it set out with
     slam: SlamSpec | None = None  # the LiDAR SLAM baseline is part of every run where this section is given
     vehicle: VehicleGeometry = VehicleGeometry()
     planner: PlannerSpec = PlannerSpec()

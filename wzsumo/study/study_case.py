@@ -23,7 +23,7 @@ _ONLY_WHEN: dict[str, Any] = {"crowd": {"penetration", "collected"}}
 # Modules that tell or draw what was measured: a change there leaves finished results as they are.
 _TELLING = frozenset(
     {
-        "__init__.py", "__main__.py", "cli.py", "study/verbs.py", "study/interface.py",
+        "__init__.py", "__main__.py", "cli.py", "study/verbs.py", "study/plan_verb.py", "study/interface.py",
         "study/sweep.py", "study/agenda.py", "study/workers.py",
         "study/cluster.py", "study/estimate.py", "study/sweep_verbs.py",
         "study/result_store.py", "study/results.py", "study/report.py", "study/figures.py",

@@ -7,7 +7,7 @@ from shapely import Polygon
 from wzsumo.ego import EgoState, Outcome
 from wzsumo.frames import advance
 from wzsumo.metrics.conflicts import boxes_overlap
-from wzsumo.simulation.session import Traffic
+from wzsumo.simulation.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 

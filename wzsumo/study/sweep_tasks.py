@@ -31,10 +31,13 @@ from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.simulation.trips import read_trips, trips_file
 from wzsumo.study.assessment import assess
 from wzsumo.study.baselines import BASELINE_METHODS, HD_MAP_METHODS, SLAM_METHODS, Baselines, map_baselines
-from wzsumo.study.case import drive_plan, map_of_zone, plan_for, quiet_progress
+from wzsumo.study.case import drive_plan, quiet_progress
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
 from wzsumo.study.guides import crowd_guide, nominal_guide
+from wzsumo.study.map_and_plan import map_of_zone, plan_for
+from wzsumo.study.map_updates import arriving_crowds, new_maps, plan_to_set_out_with
 from wzsumo.study.mapping_methods import Crowd, learn_from
+from wzsumo.study.replanning import NewMap
 from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site, prepare_site
 from wzsumo.study.study_case import StudyCase
@@ -110,7 +113,8 @@ class _Shared:
     def evaluation_of(self, case: StudyCase) -> dict[str, Any]:
         learned = self._learned_for(case)
         if case.evaluation not in self._evaluations:
-            self._evaluations[case.evaluation] = _evaluated(case, learned, self._site_of(case.scenario))
+            site = self._site_of(case.scenario)
+            self._evaluations[case.evaluation] = _evaluated(case, learned, self._over_zone, site)
         return self._evaluations[case.evaluation]
 
     def _site_of(self, scenario: Scenario) -> Site:
@@ -140,17 +144,20 @@ def _baselines(case: StudyCase, site: Site) -> Baselines:
     return map_baselines(SLAM_METHODS, fleet, scenario=case.scenario, site=site, progress=quiet_progress)
 
 
-def _evaluated(case: StudyCase, learned: Crowd | Baselines, site: Site) -> dict[str, Any]:
-    scenario = case.scenario
+def _evaluated(case: StudyCase, learned: Crowd | Baselines, over_zone: pd.DataFrame, site: Site) -> dict[str, Any]:
+    scenario, maps = case.scenario, tuple[NewMap, ...]()
     if isinstance(learned, Baselines):
         crowd, grid, guide, slam = None, learned.maps[case.method], nominal_guide(site), learned.slam
+        plan = plan_for(case.method, grid, scenario=scenario, site=site, guide=guide)
     else:
         crowd, guide, slam = learned, crowd_guide(learned, site=site), {}
         grid = map_of_zone(case.method, learned, scenario=scenario, site=site)
-    plan = plan_for(case.method, grid, scenario=scenario, site=site, guide=guide)
-    run = _drive(plan, case, site) if case.drive else None
-    figures = assess(grid, plan, run, crowd=crowd, scenario=scenario, site=site)
+        plan = plan_to_set_out_with(case.method, grid, scenario=scenario, site=site, guide=guide)
+        maps = new_maps(arriving_crowds(over_zone, scenario), case.method, scenario=scenario, site=site) if case.drive else ()
+    run = _drive(plan, case, site, maps) if case.drive else None
+    figures = assess(grid, plan, run, crowd=crowd, over_zone=over_zone, scenario=scenario, site=site)
     figures |= {f"slam_{name}": value for name, value in slam.items()}
+    del figures["replans"]  # their number stays
     planned, driven, measured = (figures.pop(name) or {} for name in ("planned", "driven", "drive"))
     figures |= {f"planned_{name}": value for name, value in planned.items()}
     figures |= {f"driven_{name}": value for name, value in (driven | measured).items()}
@@ -168,10 +175,10 @@ def _keeps_clear(planned: dict[str, float]) -> bool:
     return min(clearances) > 0 and planned["closed_area_share"] == 0
 
 
-def _drive(plan: Plan, case: StudyCase, site: Site) -> EgoRun | None:
+def _drive(plan: Plan, case: StudyCase, site: Site, maps: Sequence[NewMap]) -> EgoRun | None:
     scenario = case.scenario
     with _simulation_files(scenario, site) as files:
-        return drive_plan(plan, case.method, scenario=scenario, site=site, files=files, progress=quiet_progress)
+        return drive_plan(plan, case.method, scenario=scenario, site=site, files=files, progress=quiet_progress, new_maps=maps)
 
 
 @contextmanager

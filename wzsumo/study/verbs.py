@@ -12,10 +12,9 @@ import pandas as pd
 from tqdm import tqdm
 
 from wzsumo.crowd_mapping.drivable_area import MixtureSpec
-from wzsumo.errors import InputError, MapError, SpecError
-from wzsumo.grid import FREE_THRESHOLD, blank_grid, read_map
+from wzsumo.errors import InputError, SpecError
+from wzsumo.grid import blank_grid
 from wzsumo.output import staged_folder
-from wzsumo.planning.plan import PlannerSpec, plan_path
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.study.foreign_traces import map_foreign_traces
 from wzsumo.study.interface import run_case
@@ -28,7 +27,6 @@ from wzsumo.study.result_store import MANIFEST, read_study
 from wzsumo.study.scenario import load_scenario
 from wzsumo.study.study_file import find_case
 from wzsumo.study.sweep_report import write_sweep_report
-from wzsumo.vehicle import VehicleGeometry
 
 Figures = dict[str, Any]
 
@@ -69,42 +67,20 @@ def write_net(scenario: Path, out: Path) -> Figures:
     return {"config": str(out / files.config.name), "edges": {edge.id: len(edge.lanes) for edge in files.edges}}
 
 
-def run_scenario(scenario: Path, out: Path, *, seed: int | None, methods: list[str] | None) -> Figures:
+def run_scenario(scenario: Path, out: Path, *, seed: int | None, methods: list[str] | None, in_window: bool) -> Figures:
     """Run a whole case into `out`; its result."""
-    return run_case(load_scenario(scenario, seed=seed), out, methods=methods, progress=progress_bar)
+    return run_case(load_scenario(scenario, seed=seed), out, methods=methods, progress=progress_bar, in_window=in_window)
 
 
-def run_case_again(folder: Path, out: Path, *, case: str) -> Figures:
+def run_case_again(folder: Path, out: Path, *, case: str, in_window: bool) -> Figures:
     """Run one case of a study alone, with its maps, paths, figures and report; its result."""
     found = find_case(read_study(folder), case)
-    return run_case(found.scenario, out, methods=[found.method], progress=progress_bar)
+    return run_case(found.scenario, out, methods=[found.method], progress=progress_bar, in_window=in_window)
 
 
 def map_traces(traces: Path, out: Path, *, method: str, seed: int, resolution_m: float) -> Figures:
     """Write map.pgm and map.yaml of anybody's traces; what they are made of and what was left out."""
     return map_foreign_traces(traces, out, method=method, seed=seed, resolution_m=resolution_m, progress=progress_bar)
-
-
-def plan_on_map(map_yaml: Path, out: Path, *, start: list[float], goal: list[float], speed_mps: float) -> Figures:
-    """Plan on a ROS map and write the path; status, clearance and times. No path: nothing is written."""
-    grid = read_map(map_yaml)
-    if not (np.isfinite(start).all() and np.isfinite(goal).all()):
-        raise MapError(f"--start {start} and --goal {goal} must be finite numbers X Y DEG")
-    spec = PlannerSpec(planned_speed_mps=speed_mps, max_p_occupied=FREE_THRESHOLD)
-    plan = plan_path(grid, start=_pose(start), goal=_pose(goal), vehicle=VehicleGeometry(), spec=spec)
-    if plan.path is not None:
-        with staged_folder(out.parent) as stage:
-            plan.path.to_csv(stage / out.name)
-    return {
-        "status": str(plan.status),
-        "reason": plan.reason,
-        "length_m": float(plan.path.arc_length[-1]) if plan.path else None,
-        "min_clearance_m": plan.min_clearance_m if plan.path else None,
-        "max_curvature_1pm": float(np.abs(plan.path.curvature).max()) if plan.path else None,
-        "plan_ms": plan.timings_ms["total"],
-        "timings_ms": plan.timings_ms,
-        "n_expansions": plan.n_expansions,
-    }
 
 
 def report_again(folder: Path) -> Figures:
@@ -149,8 +125,3 @@ def progress_bar(name: str, total: float) -> Iterator[Any]:
             bar.update(min(done, total) - bar.n)
 
         yield tell
-
-
-def _pose(values: list[float]) -> tuple[float, float, float]:
-    x, y, heading_deg = values
-    return x, y, float(np.deg2rad(heading_deg))

@@ -1,0 +1,109 @@
+"""Ways to a running SUMO: as a library in this process, or in the window of sumo-gui. Alone in importing libsumo and traci.
+
+Both give the same functions under the same names.
+"""
+
+import io
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+from wzsumo.errors import DisplayError, SumoMissingError
+from wzsumo.simulation.installation import REMEDY, sumo_binary
+
+WINDOW_DELAY_MS = 40  # a step of 50 ms in about real time: the rest of it goes into drawing
+WINDOW_ZOOM = 1200.0  # of sumo-gui: some 150 m of road
+OPENING_TRIES = 30  # once a second: a large network takes its time
+MARK_RGBA = (213, 94, 0, 255)  # vermilion; Okabe and Ito 2008, "Color universal design"
+_VIEW = "View #0"  # sumo-gui's name of its first window
+
+
+@contextmanager
+def connected_library(arguments: Sequence[str]) -> Iterator[Any]:
+    """Libsumo with a simulation that was started with SUMO's command-line arguments. Raises SumoMissingError."""
+    libsumo = _load_libsumo()
+    libsumo.start(["sumo", *arguments])
+    try:
+        yield libsumo
+    finally:
+        libsumo.close()
+
+
+@contextmanager
+def connected_window(arguments: Sequence[str]) -> Iterator[Any]:
+    """Traci with a simulation that runs in a window. Raises SumoMissingError, and DisplayError without a window."""
+    refuse_without_display()
+    traci = _load_traci()
+    command = window_command(sumo_binary("sumo-gui"), arguments)
+    try:
+        # Told a port, traci starts one window and no other if that fails; it prints each second that it waits.
+        with redirect_stdout(io.StringIO()):
+            traci.start(command, port=traci.getFreeSocketPort(), numRetries=OPENING_TRIES, stdout=sys.stderr)
+        try:
+            yield traci
+        finally:
+            traci.close()
+    except traci.FatalTraCIError as error:
+        raise DisplayError(
+            f"--gui: the window of sumo-gui was closed or could not be opened ({error}); leave --gui out"
+        ) from None
+
+
+def window_command(program: Path, arguments: Sequence[str]) -> list[str]:
+    """The command line of sumo-gui: it starts at once, slowly enough to be watched, and goes away at the end."""
+    return [str(program), *arguments, "--start", "--quit-on-end", "--delay", str(WINDOW_DELAY_MS)]
+
+
+def follow_in_window(api: Any, vehicle: str) -> None:
+    """Let the window follow a vehicle, marked and close enough to see how it lies in its lane."""
+    api.vehicle.setColor(vehicle, MARK_RGBA)
+    api.gui.trackVehicle(_VIEW, vehicle)
+    api.gui.setZoom(_VIEW, WINDOW_ZOOM)
+
+
+def refuse_without_display() -> None:
+    """Raise DisplayError on a machine that has no display to open a window on."""
+    needs_name = sys.platform.startswith("linux")  # elsewhere the desktop is found without one
+    if needs_name and not os.environ.get("DISPLAY"):
+        raise DisplayError(
+            "--gui: there is no display here (DISPLAY is not set); run it on a desktop or through `ssh -X`, or leave --gui "
+            "out: report.html plays the drive"
+        )
+
+
+def _load_libsumo() -> Any:
+    # It prints a line about pyarrow on stdout unless told to be quiet, and sets PROJ_LIB for the whole process, which breaks
+    # other users of PROJ (rasterio).
+    with _as_told("quiet"):
+        try:
+            import libsumo
+        except ImportError as error:
+            raise SumoMissingError(f"libsumo cannot be loaded ({error}); {REMEDY}") from None
+    return libsumo
+
+
+def _load_traci() -> Any:
+    with _as_told(None):  # with it traci is libsumo, which has no window
+        try:
+            import traci
+        except ImportError as error:
+            raise SumoMissingError(f"traci cannot be loaded ({error}); {REMEDY}") from None
+    return traci
+
+
+@contextmanager
+def _as_told(libsumo_as_traci: str | None) -> Iterator[None]:
+    """Environment in which SUMO's packages are imported; what they read and what they spoil is as before at the end."""
+    before = {name: os.environ.pop(name, None) for name in ("LIBSUMO_AS_TRACI", "PROJ_LIB", "PROJ_DATA")}
+    if libsumo_as_traci is not None:
+        os.environ["LIBSUMO_AS_TRACI"] = libsumo_as_traci
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value

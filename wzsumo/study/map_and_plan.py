@@ -1,0 +1,26 @@
+"""The two steps that each method takes: from the crowd to its map of the zone, and from that map to a plan."""
+
+import numpy as np
+
+from wzsumo.crowd_mapping.map_before import MapBefore
+from wzsumo.frames import FloatArray
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.plan import Plan, plan_path
+from wzsumo.study.mapping_methods import MAP_METHODS, Crowd, planner_for
+from wzsumo.study.scenario import Scenario
+from wzsumo.study.site import Site
+
+
+def map_of_zone(method: str, crowd: Crowd, *, scenario: Scenario, site: Site) -> OccupancyGrid:
+    """The map that a method makes of the crowd; outside the zone, where the road is as it was, the nominal map holds."""
+    make = MAP_METHODS[method]
+    half_width = scenario.vehicle.width_m / 2
+    before = MapBefore(road=site.layout.road, start=site.layout.start, end=site.layout.end)
+    learned = make(crowd, spec=scenario.mixture, cells=site.cells, half_width_m=half_width, before=before, seed=scenario.seed)
+    return learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
+
+
+def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, guide: FloatArray) -> Plan:
+    """The plan from the site's start to its goal, by the planner that belongs to the method."""
+    spec = planner_for(method, scenario.planner)
+    return plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec, guide=guide)

@@ -1,0 +1,73 @@
+"""Maps that reach the ego while it drives, as the scenario's section `map_updates` says."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import pandas as pd
+
+from wzsumo.frames import FloatArray
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.plan import Plan
+from wzsumo.study.crowd_traces import reported_traces
+from wzsumo.study.guides import crowd_guide, nominal_guide
+from wzsumo.study.hd_map import stale_map
+from wzsumo.study.map_and_plan import map_of_zone, plan_for
+from wzsumo.study.mapping_methods import Crowd, learn_from
+from wzsumo.study.replanning import NewMap
+from wzsumo.study.scenario import Pose, Scenario
+from wzsumo.study.site import Site
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArrivingCrowd:
+    """What more traces gave, and when the map of them reaches the ego."""
+
+    after_s: float
+    crowd: Crowd
+
+
+def arriving_crowds(over_zone: pd.DataFrame, scenario: Scenario) -> tuple[ArrivingCrowd, ...]:
+    """The crowds of the maps that arrive on the way; `over_zone` is what `traces_over_zone` gives.
+
+    Raises SpecError where fewer equipped vehicles passed than a map asks for.
+    """
+    if scenario.map_updates is None:
+        return ()
+    found = []
+    for arrival in scenario.map_updates.arrivals:
+        more = scenario.model_copy(update={"crowd": scenario.crowd.model_copy(update={"used": arrival.used})})
+        traces = reported_traces(over_zone, more, which="used")
+        found.append(
+            ArrivingCrowd(after_s=arrival.after_s, crowd=learn_from(traces, spec=scenario.mixture, seed=scenario.seed))
+        )
+    return tuple(found)
+
+
+def plan_to_set_out_with(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, guide: FloatArray) -> Plan:
+    """The first plan: on `grid`, the method's own map, or where the scenario says so on that of the road without the zone."""
+    updates = scenario.map_updates
+    if updates is not None and updates.sets_out_with == "map_of_before":
+        grid, guide = stale_map(site), nominal_guide(site)
+    return plan_for(method, grid, scenario=scenario, site=site, guide=guide)
+
+
+def new_maps(crowds: tuple[ArrivingCrowd, ...], method: str, *, scenario: Scenario, site: Site) -> tuple[NewMap, ...]:
+    """The maps that a method makes of crowds on the way, each with the way to plan on it."""
+    return tuple(
+        NewMap(
+            after_s=arriving.after_s,
+            plan=partial(
+                _plan_from,
+                method=method,
+                grid=map_of_zone(method, arriving.crowd, scenario=scenario, site=site),
+                scenario=scenario,
+                site=site,
+                guide=crowd_guide(arriving.crowd, site=site),
+            ),
+        )
+        for arriving in crowds
+    )
+
+
+def _plan_from(start: Pose, *, method: str, grid: OccupancyGrid, scenario: Scenario, site: Site, guide: FloatArray) -> Plan:
+    return plan_for(method, grid, scenario=scenario, site=replace(site, start=start), guide=guide)

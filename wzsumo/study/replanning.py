@@ -1,0 +1,60 @@
+"""The ego's course: the path that it follows, exchanged for another one where a new map reaches it on the way."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wzsumo.control.controller import Controller, ControlSpec
+from wzsumo.ego import EgoState, Replan
+from wzsumo.path import ReferencePath
+from wzsumo.planning.plan import Plan
+from wzsumo.study.giving_way import Way, route_along
+from wzsumo.study.scenario import Pose
+from wzsumo.vehicle import VehicleGeometry
+from wzsumo.work_zone import WorkZoneLayout
+
+# The new path begins where the ego will be so much later: until then it drives on, and its look-ahead meets no kink at once.
+REPLAN_AHEAD_S = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewMap:
+    """A map that reaches the ego while it drives."""
+
+    after_s: float  # since the ego entered the road
+    plan: Callable[[Pose], Plan]  # on that map, from a pose of the REAR AXLE to the goal
+
+
+class Course:
+    """The path that the ego follows, with the controller on it and what the path asks for at each step."""
+
+    def __init__(self, path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry, control: ControlSpec) -> None:
+        self.path = path
+        self.controller = Controller(path, vehicle, control)
+        self.route = route_along(path, layout=layout, vehicle=vehicle)
+        self._layout, self._vehicle, self._control = layout, vehicle, control
+
+    def way(self, state: EgoState) -> Way:
+        """How the ego would go on from `state` if nobody hindered it."""
+        return Way(
+            route=self.route, station=self.controller.station_m, state=state, vehicle=self._vehicle,
+            desired_speed=self._control.target_speed_mps, acceleration=self._control.idm.acceleration_mps2,
+        )  # fmt: skip
+
+    def replan(self, new_map: NewMap, state: EgoState, *, time: float) -> Replan:
+        """What came of a plan on the new map; where it is a path, the course goes over to it REPLAN_AHEAD_S ahead."""
+        stations = self.path.arc_length
+        ahead = self.controller.station_m + REPLAN_AHEAD_S * state.speed
+        joint = min(int(np.searchsorted(stations, ahead)), len(stations) - 2)
+        x, y, heading = map(float, self.path.poses[joint])
+        plan = new_map.plan((x, y, heading))
+        if plan.path is not None:
+            # The way so far stays part of the path: stations along it go on counting from where the ego set out.
+            self.path = ReferencePath(poses=np.concatenate([self.path.poses[:joint], plan.path.poses]))
+            self.controller.follow(self.path)
+            self.route = route_along(self.path, layout=self._layout, vehicle=self._vehicle)
+        return Replan(
+            time_s=time, station_m=float(stations[joint]), status=str(plan.status), reason=plan.reason,
+            plan_ms=plan.timings_ms["total"],
+        )  # fmt: skip
