@@ -15,7 +15,7 @@ from wzsumo.study.scenario import Scenario
 # Sections of a scenario that come after the simulation of the fleet; all others decide it. A section that is forgotten here
 # costs a simulation too many, never a wrong result.
 AFTER_SIMULATION = frozenset(
-    {"name", "crowd", "gnss", "mixture", "map", "route", "slam", "vehicle", "planner", "control", "plant"}
+    {"name", "crowd", "gnss", "mixture", "map", "map_updates", "route", "slam", "vehicle", "planner", "control", "plant"}
 )
 # The first `used` of the equipped vehicles are the same whatever share is equipped (see `sensing.equipped`): these keys decide
 # when the traces are there, and whether there are so many.
