@@ -17,7 +17,7 @@ from pydantic import Field
 from wzsumo.errors import InputError, NoGroundError
 from wzsumo.frames import FloatArray
 from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, Matcher, align, minus
-from wzsumo.lidar_mapping.features import BoolArray, Features, FeatureSpec, extract_features, take_out_motion
+from wzsumo.lidar_mapping.features import Features, FeatureSpec, extract_features, take_out_motion
 from wzsumo.lidar_mapping.motion import (
     MotionSpec,
     Prior,
@@ -31,6 +31,7 @@ from wzsumo.lidar_mapping.motion import (
     with_gnss,
 )
 from wzsumo.lidar_mapping.patches import Shape
+from wzsumo.lidar_mapping.scan_lines import BoolArray
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
 from wzsumo.rigid import inverse, moved
