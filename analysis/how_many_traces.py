@@ -25,6 +25,7 @@ from wzsumo.sensing.gnss import GnssSpec, report
 
 COUNTS = (1, 2, 3, 5, 10, 20, 30, 100)
 ERRORS_M, ERRORS_ALONE_M = (0.0, 0.5, 1.0, 2.0), (0.0, 1.0, 2.0)
+COUNTS_OF_THE_BARS = (5, 10, 30, 100)
 USUAL_INTERVAL_S = 1.0
 OTHER_INTERVALS_S, SAMPLED_COUNTS, SAMPLED_ERRORS_M = (0.1, 3.0), (5, 30), (0.0, 1.0)
 PLANNED = {(5, 0.0), (30, 1.0), (100, 2.0)}  # at the usual interval, on joined maps
@@ -39,6 +40,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=61, help="seeds 1-60 were looked at while the maps were built")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--zones", nargs="+", default=ZONES_OF_THE_STUDY, choices=list(ZONES))
+    parser.add_argument("--full-seeds", type=int, default=10, help="seeds with every case; the others have those of the bars")
     parser.add_argument("--planned-seeds", type=int, default=3, help="seeds on whose maps paths are planned")
     parser.add_argument("--fleets", type=Path, help="folder of simulated fleets; default: OUT/fleets")
     parser.add_argument("--tables-only", action="store_true", help="tables and figures of the rows that there are")
@@ -47,7 +49,12 @@ def main() -> None:
     path = args.out / "rows.csv"
     seeds = range(args.first, args.first + (0 if args.tables_only else args.seeds))
     # What the answer hangs on comes first for all seeds: a study that is stopped still has it.
-    for cases, seed, zone in itertools.product(_groups_of_cases(), seeds, args.zones):
+    in_order = [
+        (cases, seed, zone)
+        for number, cases in enumerate(_groups_of_cases())
+        for seed, zone in itertools.product(seeds if number == 0 else seeds[: args.full_seeds], args.zones)
+    ]
+    for cases, seed, zone in in_order:
         known = {tuple(row) for row in pd.read_csv(path)[KEYS].itertuples(index=False)} if path.exists() else set()
         missing = [case for case in cases if (zone, seed, *case) not in known]
         if missing:
@@ -74,10 +81,11 @@ COLUMNS = [
 
 
 def _groups_of_cases() -> list[list[tuple[int, float, float, str]]]:
-    joined = itertools.product(COUNTS, ERRORS_M, (USUAL_INTERVAL_S,), ("joined",))
-    sampled = itertools.product(SAMPLED_COUNTS, SAMPLED_ERRORS_M, OTHER_INTERVALS_S, ("joined",))
-    alone = itertools.product(COUNTS, ERRORS_ALONE_M, (USUAL_INTERVAL_S,), ("alone",))
-    return [list(joined), list(sampled), list(alone)]
+    joined = list(itertools.product(COUNTS, ERRORS_M, (USUAL_INTERVAL_S,), ("joined",)))
+    of_the_bars = [case for case in joined if case[0] in COUNTS_OF_THE_BARS and case[1] in ERRORS_ALONE_M]
+    alone = list(itertools.product(COUNTS, ERRORS_ALONE_M, (USUAL_INTERVAL_S,), ("alone",)))
+    sampled = list(itertools.product(SAMPLED_COUNTS, SAMPLED_ERRORS_M, OTHER_INTERVALS_S, ("joined",)))
+    return [of_the_bars, joined, sampled, alone]
 
 
 def _row(

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from wzsumo.errors import TraceError
+from wzsumo.frames import FloatArray
 
 TRACE_COLUMNS = ("vehicle_id", "time_s", "x_m", "y_m")  # enough for a map
 TRACE_OPTIONAL_COLUMNS = ("heading_rad", "speed_mps", "length_m", "width_m")
@@ -27,20 +28,25 @@ def check_traces(traces: pd.DataFrame, *, source: str) -> pd.DataFrame:
     if traces.empty:
         raise TraceError(f"{source}: no fixes in it; a map needs at least one trace")
     kept = [name for name in (*TRACE_COLUMNS, *TRACE_OPTIONAL_COLUMNS) if name in traces.columns]
-    table = traces[kept].copy()
-    for name in kept[1:]:
-        values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            value = traces[name].astype(object).iloc[bad[0]]
-            raise TraceError(
-                f"{source}: {name} of row {bad[0]} is {value!r}; every value must be a finite number "
-                f"({bad.size} of {len(table)} rows are not; drop or repair them)"
-            )
-        table[name] = values
-    if table["vehicle_id"].isna().any():
-        raise TraceError(f"{source}: vehicle_id is empty in row {int(np.flatnonzero(table['vehicle_id'].isna())[0])}")
-    table["vehicle_id"] = table["vehicle_id"].astype(str)
+    numbers = {name: _finite(traces[name], source=source) for name in kept[1:]}
+    ids = traces["vehicle_id"]
+    if ids.isna().any():
+        raise TraceError(f"{source}: vehicle_id is empty in row {int(np.flatnonzero(ids.isna())[0])}")
+    ids = ids.astype(str)
     # By codes: strings of a million rows take seconds to sort.
-    order = np.lexsort((table["time_s"].to_numpy(), pd.factorize(table["vehicle_id"], sort=True)[0]))
-    return table.iloc[order].reset_index(drop=True)
+    order = np.lexsort((numbers["time_s"], pd.factorize(ids, sort=True)[0]))
+    return pd.DataFrame({"vehicle_id": ids.array[order]} | {name: values[order] for name, values in numbers.items()})
+
+
+def _finite(column: pd.Series, *, source: str) -> FloatArray:
+    """The numbers (n,) of a column. Raises TraceError where one is none, or not finite."""
+    values = (
+        column.to_numpy(dtype=float) if column.dtype.kind == "f" else pd.to_numeric(column, errors="coerce").to_numpy(float)
+    )
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise TraceError(
+            f"{source}: {column.name} of row {bad[0]} is {column.astype(object).iloc[bad[0]]!r}; every value must be a finite "
+            f"number ({bad.size} of {len(column)} rows are not; drop or repair them)"
+        )
+    return np.asarray(values)

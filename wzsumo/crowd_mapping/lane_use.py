@@ -72,9 +72,9 @@ def fit_lane_use(table: StationTable, weights: FloatArray, levels: LaneLevels, *
             if lane in levels.interior and stretch[0] < levels.opens and stretch[-1] >= levels.closes:
                 odds = np.inf
             chance[lane, stretch] = 1 / (1 + odds)
-    return LaneUse(
-        stations=table.stations, open_chance=chance, swept=_swept(levels, trusted, known, reach=half_vehicle_m + SCATTER_M)
-    )
+    # Where every lane is open anyhow, nobody's way between them adds to it.
+    swept = _swept(levels, trusted, known, reach=half_vehicle_m + SCATTER_M) if (chance < 1.0).any() else np.zeros((1, 1))
+    return LaneUse(stations=table.stations, open_chance=chance, swept=swept)
 
 
 def _mistaken(levels: LaneLevels, known: BoolArray) -> BoolArray:
