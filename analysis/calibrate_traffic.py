@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from discharge_runs import APPROACH_FT, CLASSES, LANE_USE, flows_of, measure
+from discharge_runs import APPROACH_FT, CLASSES, flows_of, measure
 from scipy.stats import t as student
 
 from wzsumo.capacity import QUEUE_DISCHARGE_DROP
@@ -51,9 +51,8 @@ def main() -> None:
 
 
 def measure_once(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, approach_ft: float, out: Path) -> None:
-    lane_use = "-".join(f"{share:g}" for share in LANE_USE.get(zone_class[:6], ())) or "even"
-    case = {"zone_class": zone_class, "trucks": trucks, "seed": seed, **{key: getattr(drivers, key) for key in KEPT}}
-    case |= {"lane_use": lane_use, "approach_ft": approach_ft}
+    case = {"zone_class": zone_class, "trucks": trucks, "seed": seed, "approach_ft": approach_ft}
+    case |= {key: getattr(drivers, key) for key in KEPT}
     if is_done(case, out):
         return
     row = case | measure(zone_class, trucks=trucks, drivers=drivers, seed=seed, approach_ft=approach_ft)

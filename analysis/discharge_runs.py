@@ -28,9 +28,6 @@ from wzsumo.work_zone import WorkZone, WorkZoneLayout
 SPEED_MPH = 60.0
 LANES = {"2_to_1": (2, (1,)), "3_to_2": (3, (2,)), "3_to_1": (3, (2, 1))}
 CLASSES = tuple(f"{lanes}_{area}" for lanes in LANES for area in ("urban", "rural"))
-# Lanes are used evenly at the road's start but for 3 to 2, where a fifth drives in the lane that closes: who reads the signs a
-# mile ahead has left it. With a third in it merging breaks the traffic down below what the queue then discharges.
-LANE_USE = {"3_to_2": (0.4, 0.4, 0.2)}
 # Demand as a share of the HCM's capacity from these times [s] on: it rises so slowly that the 15 minutes before the breakdown
 # tell the capacity, and ends far above it, so that whoever has not broken down does.
 RAMP = ((0.0, 0.85), (480.0, 0.9), (960.0, 0.95), (1440.0, 1.0), (1920.0, 1.05), (2400.0, 1.1), (2880.0, 1.25))
@@ -57,7 +54,7 @@ def measure(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, a
     target = hcm(zone_class, trucks=trucks)
     demand = DemandSpec(
         flow_profile=tuple((time, share * target.capacity_all_lanes_vph) for time, share in RAMP),
-        lane_use=LANE_USE.get(zone_class[:6], ()), truck_share=trucks, drivers=drivers, duration_s=LONGEST_MIN * MINUTE_S,
+        truck_share=trucks, drivers=drivers, duration_s=LONGEST_MIN * MINUTE_S,
     )  # fmt: skip
     layout = lay_out_class(zone_class, approach_ft=approach_ft)
     began = cpu_seconds()
