@@ -27,6 +27,7 @@ class MixtureSpec(Spec):
     square_m: float = Field(1.524, gt=0)  # 5 by 5 FOOT: the smallest round size that joins the samples (see the README)
 
     driver_sd_m: float = Field(0.25, ge=0, le=1)  # swept: drivers' scatter in a lane, 0.2-0.4 m in naturalistic studies
+    copies: int = Field(0, ge=0, le=20)  # of each trace, moved sideways by as much: see `augmentation`
 
 
 def samples_inside(mixture: Mixture, *, spec: MixtureSpec, seed: int) -> FloatArray:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from wzsumo.crowd_mapping.augmentation import with_copies
 from wzsumo.crowd_mapping.drivable_area import MixtureSpec, samples_inside, squares_map, swept_map
 from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, MapBefore, lane_structured_map
 from wzsumo.crowd_mapping.mixture import Mixture
@@ -30,7 +31,8 @@ def learn_from(
     traces: pd.DataFrame, *, spec: MixtureSpec, seed: int, progress: Callable[[int, int], None] | None = None
 ) -> Crowd:
     """The mixture of the traces' points, chosen by AIC or BIC over K = 1..k_max, and samples from its 95 % region."""
-    points = traces[["x_m", "y_m"]].to_numpy(dtype=float)
+    table = with_copies(traces, copies=spec.copies, driver_sd_m=spec.driver_sd_m, seed=seed) if spec.copies else traces
+    points = table[["x_m", "y_m"]].to_numpy(dtype=float)
     sweep = sweep_mixtures(points, seed=seed, k_max=spec.k_max, progress=progress)
     mixture = sweep.best("aic" if spec.criterion == "aic" else "bic")
     return Crowd(traces=traces, sweep=sweep, mixture=mixture, samples=samples_inside(mixture, spec=spec, seed=seed))
