@@ -1,6 +1,6 @@
 """What missing, tilted, lying and sparse devices, poor detection and fog do to the strongest LiDAR map, and to the drive on it.
 
-    python analysis/lidar_faults.py [--seeds 61 62 63] [--rate-hz 5] [--out results/lidar_faults]
+    python analysis/lidar_faults.py [--seeds 61 62 63] [--rate-hz 5] [--out results/lidar_faults] [--doc docs/lidar_baseline.md]
 
 One SUMO fleet a seed; for each fault one mapping drive, one plan on map (c), one drive along it through the traffic. Rows are
 written as they come, and what is there already is not run again; table.md and figure.png lie beside them. Half the scans of
@@ -56,7 +56,7 @@ MARKS = {
 }
 PANELS = {
     "mapped_share": "devices in the map,\nshare of those laid out",
-    "iou": "IoU of the map",
+    "closed_gaps_share": "gaps closed between devices,\nshare of those without a fault",
     "planned_closed_share": "share of the planned path\nin the closed area",
 }
 
@@ -112,8 +112,9 @@ def run_seed(seed, given, done):
 
 def table_of(rows):
     """Markdown: means over the seeds, and how many of the plans and drives went well."""
-    lines = ["| fault | n | devices found | IoU | path in the closed area | plan touches nothing | drive reached the goal |"]
-    lines.append("|---|---|---|---|---|---|---|")
+    columns = ["fault", "n", "devices found", "gaps closed", "IoU [least, most]", "path in closed area"]
+    columns += ["plan touches nothing", "drive reached the goal"]
+    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
     for name in FAULTS:
         these = rows[rows["fault"] == name]
         if these.empty:
@@ -121,6 +122,7 @@ def table_of(rows):
         n, share = len(these), these["planned_closed_share"].dropna()
         lines.append(
             f"| {name} | {n} | {these['n_mapped'].mean():.0f} of {these['n_devices'].mean():.0f} "
+            f"| {these['n_links'].mean():.0f} "
             f"| {these['iou'].mean():.3f} [{these['iou'].min():.3f}, {these['iou'].max():.3f}] "
             f"| {f'{100 * share.mean():.0f} %' if len(share) else '-'} "
             f"| {(these['planned_outcome'] == Outcome.REACHED_GOAL).sum()} of {n} "
@@ -133,18 +135,22 @@ def draw(rows):
     """A dot a seed, by fault and by how the drive ended."""
     figure = Figure(figsize=(10.5, 4.6), dpi=150, layout="constrained")
     panels = figure.subplots(1, len(PANELS), sharey=True)
+    rows = rows.assign(closed_gaps_share=rows["n_links"] / (rows["n_devices"] - 1))
     place = {name: -number for number, name in enumerate(FAULTS)}
+    seeds = sorted(rows["seed"].unique())
+    aside = {
+        seed: 0.18 * (number - (len(seeds) - 1) / 2) for number, seed in enumerate(seeds)
+    }  # dots of equal value stay apart
     for axes, (column, label) in zip(panels, PANELS.items(), strict=True):
         for outcome, (colour, marker) in MARKS.items():
             these = rows[rows["driven_outcome"] == outcome]
-            spread = 0.18 * (these["seed"].rank(method="dense") - 2)  # seeds that say the same stay apart
             style = {"color": colour, "marker": marker, "s": 26, "label": outcome.replace("_", " ").lower(), "zorder": 3}
             if len(these):
-                axes.scatter(these[column].fillna(0.0), these["fault"].map(place) + spread, **style)
+                axes.scatter(these[column].fillna(0.0), these["fault"].map(place) + these["seed"].map(aside), **style)
         axes.set(xlabel=label, xlim=(-0.03, 1.08), yticks=list(place.values()), yticklabels=list(place))
         axes.grid(axis="x", color="#DDDDDD")
     labelled = {text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
-    title = f"drive on map (c), n = {rows['seed'].nunique()} seeds:"
+    title = f"drive on map (c), seeds {', '.join(map(str, seeds))}:"
     figure.legend(labelled.values(), labelled, title=title, loc="outside upper center", ncols=6, frameon=False, fontsize=9)
     return figure
 
@@ -155,6 +161,9 @@ def main():
     parser.add_argument("--seeds", type=int, nargs="+", default=[61, 62, 63])
     parser.add_argument("--rate-hz", type=float, default=5.0, help="turns of the LiDAR a second")
     parser.add_argument("--out", type=Path, default=Path("results/lidar_faults"))
+    parser.add_argument(
+        "--doc", type=Path, help="a page whose table, between <!-- faults --> and <!-- end -->, is written anew"
+    )
     given = parser.parse_args()
     slam_map.compile_kernels()
     raycast.compile_kernels()
@@ -166,6 +175,10 @@ def main():
     rows = pd.read_csv(kept)
     (given.out / "table.md").write_text(table_of(rows))
     draw(rows).savefig(given.out / "figure.png")
+    if given.doc:
+        before, rest = given.doc.read_text().split("<!-- faults -->\n")
+        given.doc.write_text(f"{before}<!-- faults -->\n{table_of(rows)}<!-- end -->{rest.partition('<!-- end -->')[2]}")
+        draw(rows).savefig(given.doc.with_name("lidar_faults.png"))
     print(table_of(rows))
 
 
