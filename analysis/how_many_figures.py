@@ -29,13 +29,14 @@ def draw_quality(rows: pd.DataFrame, path: Path) -> None:
         axis.set_xscale("log")
         axis.set_xticks(counts, [str(n) for n in counts])
         axis.minorticks_off()
-        axis.set(title=title, xlabel="traces", ylim=(0, 1))
+        axis.set(title=title, xlabel="traces", xlim=(0.9, 1.1 * counts[-1]), ylim=(0, 1))
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("overlap with the truth (IoU)")
-    axes[1].legend(title="GNSS error", loc="lower right")
+    axes[0].legend(title="GNSS error", loc="lower right")
     n_maps = rows.groupby(["map", "n_traces", "error_m"]).size()
     figure.suptitle(
-        f"median and middle half of {n_maps.min()} maps a point ({rows['zone'].nunique()} SUMO zones, one fix a second)",
+        f"median and middle half of {n_maps.min()} to {n_maps.max()} maps a point ({rows['zone'].nunique()} SUMO zones, "
+        "one fix a second)",
         fontsize=10,
     )
     figure.savefig(path, dpi=120)

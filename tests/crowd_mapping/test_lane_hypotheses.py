@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.lane_hypotheses import Evidence, LanePattern, likely_hypotheses
+from wzsumo.crowd_mapping.lane_hypotheses import Evidence, likely_hypotheses
+from wzsumo.crowd_mapping.lane_patterns import LanePattern
 
 STATIONS = 100
 CLOSES, OPENS = 40, 90

@@ -3,8 +3,9 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import beta
 
-from wzsumo.crowd_mapping.lane_hypotheses import Evidence, LaneHypothesis, LanePattern, likely_hypotheses
+from wzsumo.crowd_mapping.lane_hypotheses import Evidence, LaneHypothesis, likely_hypotheses
 from wzsumo.crowd_mapping.lane_levels import LaneLevels
+from wzsumo.crowd_mapping.lane_patterns import LanePattern
 from wzsumo.crowd_mapping.lane_use import LaneUse, fit_lane_use
 from wzsumo.crowd_mapping.station_table import StationTable
 

@@ -11,14 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from wzsumo.crowd_mapping.lane_expectation import expected_lanes
+from wzsumo.crowd_mapping.lane_patterns import LanePattern, likely_patterns
 from wzsumo.frames import FloatArray
 
 IntArray = npt.NDArray[np.int64]
-# A lane too many is a danger, one too few is room left over: each further lane has to be 90 times as likely as not. At 2 m of
-# error three wide lanes and four narrow ones fit 100 levels alike; at 0.5 m they do not.
-LOG_FURTHER_LANE = -4.5
-MOST_OPEN, LOG_CLOSED = 4, np.log([0.3, 0.5, 0.2])  # prior of 0 to 2 closed lanes on one side: it is a work zone
-LOG_INTERIOR = np.log(0.1)  # of as many between open ones: TA-30 and TA-38 are two of the some ten lane closures of MUTCD 6P
 # Changes of lane: at discretion about one in 2 km; out of a closing lane one for certain, some 150 m ahead of its end.
 DISCRETION_M, MERGE_AHEAD_M = 2000.0, 150.0
 STATION_COST, MOST_COST = 1.0, 4.0  # -log chance of a station beside the lanes, and of a trace that does not belong
@@ -46,29 +42,6 @@ class Evidence:
     usual_spread: float  # between traces [m], as far as their drift tells it
 
 
-@dataclass(frozen=True)
-class LanePattern:
-    """Lanes 0 (rightmost) .. n_lanes - 1, some of which, side by side, are closed for a while; never lane 0."""
-
-    n_lanes: int
-    closed: tuple[int, ...]
-
-    @property
-    def n_open(self) -> int:
-        """Number of lanes that go through."""
-        return self.n_lanes - len(self.closed)
-
-    @property
-    def is_interior(self) -> bool:
-        """Whether open lanes pass on both sides of the closed ones."""
-        return bool(self.closed) and self.closed[-1] < self.n_lanes - 1
-
-    @property
-    def log_prior(self) -> float:
-        """Log of the chance that a work zone has such lanes, up to a constant."""
-        return float(LOG_CLOSED[len(self.closed)] + LOG_INTERIOR * self.is_interior + LOG_FURTHER_LANE * (self.n_lanes - 1))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneHypothesis:
     """A fitted hypothesis: lane k's centre at right + k width above the course.
@@ -93,7 +66,7 @@ def likely_hypotheses(evidence: Evidence, *, n_open: int | None, least_closed: i
     """Hypotheses, the likeliest first, that differ in their lanes or by half a lane in level; `n_open` where that is known."""
     few = _thinned(evidence)
     tries = []
-    for pattern in _patterns(n_open, least_closed):
+    for pattern in likely_patterns(n_open, least_closed=least_closed):
         costs = _Costs(few, pattern)
         quick = [_em(few, costs, right=right, iterations=2) for right in _starts(few, pattern.n_lanes)]
         tries += [(fit, costs) for fit in sorted(quick, key=_by_evidence)[:STARTS]]
@@ -104,17 +77,6 @@ def likely_hypotheses(evidence: Evidence, *, n_open: int | None, least_closed: i
         if not any(_same(fit, other) for other in kept):
             kept.append(fit)
     return kept
-
-
-def _patterns(n_open: int | None, least_closed: int) -> list[LanePattern]:
-    """Patterns to be tried; those that look the same in the mirror only where `least_closed` is 0."""
-    patterns = []
-    for k in range(1, MOST_OPEN + 1) if n_open is None else [n_open]:
-        for m in range(least_closed, len(LOG_CLOSED)):
-            # Counted from the first closed lane; k open lanes to its right: all of them, or between them.
-            inner = range(1, k) if m and not least_closed and k + m <= MOST_OPEN else ()
-            patterns += [LanePattern(k + m, tuple(range(first, first + m))) for first in (k, *inner)]
-    return patterns
 
 
 def _same(fit: LaneHypothesis, other: LaneHypothesis) -> bool:
