@@ -97,6 +97,13 @@ def test_vehicle_ahead_in_the_way_is_the_leader_with_the_gap_between_bumpers():
     assert leader.speed_mps == 7
 
 
+def test_vehicle_that_stands_across_the_line_is_in_the_way_of_who_passes_its_middle():
+    # Corners of a 4.8 x 1.85 m car turned by 0.2: 0.91 + 0.48 = 1.38 m to the side, and half the ego's 1.86 m.
+    beside = RIGHT + 1.38 + 0.93 - 0.1
+    assert leader_ahead(way(), one_vehicle(30.0, beside, speed=0, heading=-0.2)) is not None
+    assert leader_ahead(way(), one_vehicle(30.0, beside, speed=0)) is None
+
+
 def test_empty_road_leaves_nobody_to_mind():
     nobody = Traffic(ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), lengths=np.empty(0), widths=np.empty(0))
     assert leader_ahead(way(slope=0.1), nobody) is None

@@ -68,8 +68,14 @@ def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
     nearest = np.argmin(np.einsum("ijk,ijk->ij", offset, offset), axis=1)
     index = np.arange(len(traffic.ids))
     along, across = _in_frame(offset[index, nearest], poses[nearest, 2])
-    gap = poses_s[nearest] - station + along - traffic.lengths / 2 - vehicle.axle_to_bumper_m
-    in_way = (np.abs(across) < (traffic.widths + vehicle.width_m) / 2) & (along > -1.0) & (along < 5.0) & (nearest > 0)
+    # Who stands across the line reaches farther to the side than its width.
+    cos, sin = np.abs(np.cos(traffic.poses[:, 2] - poses[nearest, 2])), np.abs(np.sin(traffic.poses[:, 2] - poses[nearest, 2]))
+    half_along, half_across = (
+        (traffic.lengths * cos + traffic.widths * sin) / 2,
+        (traffic.widths * cos + traffic.lengths * sin) / 2,
+    )
+    gap = poses_s[nearest] - station + along - half_along - vehicle.axle_to_bumper_m
+    in_way = (np.abs(across) < half_across + vehicle.width_m / 2 + TOUCH_M) & (along > -1.0) & (along < 5.0) & (nearest > 0)
     in_way &= gap > -traffic.lengths
     if not in_way.any():
         return None
