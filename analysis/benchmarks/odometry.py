@@ -16,7 +16,8 @@ import numpy as np
 import pandas as pd
 
 from wzsumo.grid import blank_grid
-from wzsumo.lidar_mapping.loam import LoamSpec, map_drive, trajectory_error_m
+from wzsumo.lidar_mapping.loam import LoamSpec, map_drive
+from wzsumo.lidar_mapping.posed_scan import trajectory_error_m
 from wzsumo.lidar_mapping.slam_map import SlamMapSpec, build_maps, compile_kernels
 from wzsumo.rigid import inverse
 from wzsumo.road import RoadSpec

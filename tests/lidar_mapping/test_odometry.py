@@ -4,8 +4,9 @@ import pytest
 from wzsumo.errors import InputError, TraceError
 from wzsumo.lidar_mapping.alignment import minus, plus
 from wzsumo.lidar_mapping.features import FeatureSpec, classify_points, take_out_motion
-from wzsumo.lidar_mapping.loam import LoamSpec, ScanState, map_drive, trajectory_error_m, without_clouds
+from wzsumo.lidar_mapping.loam import LoamSpec, map_drive
 from wzsumo.lidar_mapping.motion import MotionSpec, dead_reckon, first_prior, motion_within, predict, update, with_gnss
+from wzsumo.lidar_mapping.posed_scan import ScanState, trajectory_error_m, without_clouds
 from wzsumo.lidar_mapping.scan_lines import EDGE, NEITHER, PLANAR, SIDE, SMOOTH
 from wzsumo.rigid import inverse, moved, rigid, rotation_from_rpy
 from wzsumo.scan import LidarScan, MotionReadings

@@ -7,7 +7,7 @@ from scipy import ndimage
 from wzsumo.errors import InputError
 from wzsumo.grid import blank_grid
 from wzsumo.lidar_mapping.devices import DeviceSpec, find_devices, join_devices, with_barrier
-from wzsumo.lidar_mapping.loam import PosedScan, ScanState
+from wzsumo.lidar_mapping.posed_scan import PosedScan, ScanState
 from wzsumo.lidar_mapping.slam_map import SlamMapSpec, build_maps
 from wzsumo.lidar_mapping.votes import Votes, VoteSpec
 from wzsumo.rigid import moved, rigid, rotation_from_rpy

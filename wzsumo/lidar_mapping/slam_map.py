@@ -17,7 +17,7 @@ from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid, blank_grid
 from wzsumo.lidar_mapping import features, registration, smrf
 from wzsumo.lidar_mapping.devices import DeviceSpec, find_devices, join_devices, with_barrier
-from wzsumo.lidar_mapping.loam import PosedScan, ScanState
+from wzsumo.lidar_mapping.posed_scan import PosedScan, ScanState
 from wzsumo.lidar_mapping.votes import Votes, VoteSpec
 from wzsumo.spec import Spec
 

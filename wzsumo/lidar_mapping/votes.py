@@ -11,7 +11,7 @@ from pydantic import Field
 
 from wzsumo.frames import FloatArray
 from wzsumo.grid import UNKNOWN, OccupancyGrid
-from wzsumo.lidar_mapping.loam import PosedScan
+from wzsumo.lidar_mapping.posed_scan import PosedScan
 from wzsumo.spec import Spec
 
 IndexArray = npt.NDArray[np.int64]

@@ -9,7 +9,8 @@ import pandas as pd
 
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray, advance
-from wzsumo.lidar_mapping.loam import PosedScan, map_drive, trajectory_error_m, without_clouds
+from wzsumo.lidar_mapping.loam import map_drive
+from wzsumo.lidar_mapping.posed_scan import PosedScan, trajectory_error_m, without_clouds
 from wzsumo.lidar_mapping.slam_map import SlamMaps, build_maps
 from wzsumo.sensing.imu import read_motion
 from wzsumo.sensing.lidar import Drive, cast_ahead, drive_scans
