@@ -79,7 +79,8 @@ def append_row(row: dict, path: Path) -> None:
 
 
 def discharge_table(rows: pd.DataFrame) -> str:
-    """Markdown by zone class and truck share: target, mean with its 95 % interval (Student), per cent off, capacity, drop."""
+    """Markdown by zone class and truck share: target, mean [95 %, Student] or both runs, per cent off, capacity, drop."""
+    rows = rows.sort_values(["zone_class", "trucks", "seed"], key=_by_class, ignore_index=True)
     columns = ["zone_class", "trucks", "counts", "speeds_mps"]
     flows = pd.DataFrame([flows_of(zone, trucks=p, counts=n, speeds_mps=v) for zone, p, n, v in rows[columns].to_numpy()])
     lines = [
@@ -102,9 +103,13 @@ def discharge_table(rows: pd.DataFrame) -> str:
     ])  # fmt: skip
 
 
+def _by_class(column: pd.Series) -> pd.Series:
+    return column.map(CLASSES.index) if column.name == "zone_class" else column
+
+
 def _mean_with_interval(values: pd.Series) -> str:
-    if len(values) < 2:
-        return f"{values.mean():.0f}"
+    if len(values) < 3:
+        return " and ".join(f"{value:.0f}" for value in values)
     half = student.ppf(0.975, len(values) - 1) * values.std() / np.sqrt(len(values))
     return f"{values.mean():.0f} [{values.mean() - half:.0f}, {values.mean() + half:.0f}]"
 

@@ -34,7 +34,7 @@ BY_THE_HCM = DriverSpec(name="hcm", calibrated_step_length_s=0.1, calibrated_lat
 # What the rule below was fitted and tested between, pc/h and lane: one lane open in a rural zone, two of three in an urban one.
 HCM_DISCHARGE_PCPHPL = (1412.0, 1783.5)
 # Of the mean headway in which a queue discharges, what is not the driver's own time gap: vehicle and standing gap at the speed
-# of the bottleneck, acceleration, dawdling. Fitted by hand on seeds 101-104, 211 and 212 of analysis/calibrate_traffic.py.
+# of the bottleneck, acceleration, dawdling. Fitted by hand; docs/traffic_calibration.md has on what, and how well it holds.
 _CAR_REST_S, _TRUCK_REST_S = 0.78, 1.22
 
 
