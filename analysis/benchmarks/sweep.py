@@ -23,6 +23,8 @@ from pathlib import Path
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
+import numpy as np
+
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.installation import sumo_binary
 from wzsumo.study.crowd_traces import reported_traces
@@ -109,7 +111,7 @@ def kernels_s(study: Study) -> float:
         return _processor_s(kernels)
 
     run(group[0])
-    chosen = group[:: max(1, len(group) // SAMPLE)][:SAMPLE]
+    chosen = [group[at] for at in np.linspace(0, len(group) - 1, SAMPLE).round().astype(int)]  # those with many traces too
     return sum(map(run, chosen)) / len(chosen)
 
 
