@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from builders import paper_layout
+from builders import bent_road, paper_layout, paper_work_zone
 
 from wzsumo.ego import EgoState
 from wzsumo.frames import advance
 from wzsumo.metrics.conflicts import boxes_overlap
+from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
 from wzsumo.simulation.session import EGO_ID, running
@@ -77,6 +78,41 @@ def test_ego_crosses_every_junction_of_the_zone(files):
     reached = [edge.id for edge in files.edges if edge.end > 1010 and edge.start < 1370]
     assert len(reached) == 3
     assert roads == reached
+
+
+@pytest.mark.parametrize("radius_ft", [984.3, -984.3], ids=["left", "right"])
+def test_ego_on_the_outer_side_of_a_kink_between_two_edges_is_counted_to_the_lane_that_it_is_in(tmp_path, radius_ft):
+    layout = lay_out(paper_work_zone(), bent_road(radius_ft))
+    spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
+    bent = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
+    with running(bent.config, options=FINE) as session:
+        session.request_ego(CAR, edge=bent.edges[0].id, lane=0, position=20.0, speed=10.0)
+        while not session.has_ego():
+            session.step()
+        session.take_over_ego()
+        kinks = list(outer_sides_of_kinks(session._sumo.lane, bent.edges, aside_m=0.7))
+        assert len(kinks) >= 8
+        for lanes, bumper in kinks:
+            for before_m in (0.5, 0.0):
+                x, y, heading = advance(bumper, -before_m - CAR.axle_to_bumper_m)
+                session.place_ego(EgoState(x=x, y=y, heading=heading, speed=10.0), CAR)
+                session.step()
+            assert session._sumo.vehicle.getLaneID(EGO_ID) in lanes
+
+
+def outer_sides_of_kinks(lane_api, edges, *, aside_m):
+    """Of each lane that bends where its edge ends: the lanes that meet there, and a pose in the wedge that none runs past."""
+    for edge in edges[:-1]:
+        for lane in [f"{edge.id}_{index}" for index in range(len(edge.lanes))]:
+            for following, *_, across_the_node, _, _, _ in lane_api.getLinks(lane):
+                ends = np.array(lane_api.getShape(lane)[-2:])
+                goes_on = np.array(lane_api.getShape(across_the_node)[:2])
+                before, after = (np.arctan2(*np.diff(line, axis=0)[0, ::-1]) for line in (ends, goes_on))
+                if 0.005 < abs(after - before) < 0.1:
+                    heading = (before + after) / 2
+                    outwards = heading - np.sign(after - before) * np.pi / 2
+                    aside = aside_m * np.array([np.cos(outwards), np.sin(outwards)])
+                    yield {lane, across_the_node, following}, np.array([*(ends[-1] + aside), heading])
 
 
 def passers_through(files, *, shown):

@@ -24,7 +24,10 @@ EGO_ID = "ego"
 EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for cars
 # Drivers keep it beside the ego, which is that much wider in SUMO: they keep none to a vehicle that moveToXY placed.
 SIDE_CLEARANCE_M = 0.3
-_FREE_PLACEMENT = 2  # keepRoute of moveToXY: exactly where it is told, also beside the lanes (SUMO docs, TraCI moveToXY)
+# keepRoute of moveToXY (SUMO docs, TraCI): exactly where it is told, also beside the lanes (2), counted to the nearest lane of
+# its route (1). Without the 1 SUMO wants a lane that runs past the point. On the outer side of a kink between two edges none
+# does: the ego is then counted to no lane or to a wrong one, and SUMO 1.28 has crashed in the step after.
+_PLACEMENT = 2 | 1
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
 
 
@@ -153,7 +156,7 @@ class Session:
         x, y, heading = bumper
         angle = float(sumo_angle_from_heading(heading))
         api = self._sumo.vehicle
-        api.moveToXY(name, "", -1, x, y, angle=angle, keepRoute=_FREE_PLACEMENT, matchThreshold=_MATCH_RADIUS_M)
+        api.moveToXY(name, "", -1, x, y, angle=angle, keepRoute=_PLACEMENT, matchThreshold=_MATCH_RADIUS_M)
         # Without it SUMO infers a speed from the move, with spikes of 1 m/s.
         api.setSpeed(name, speed)
 
