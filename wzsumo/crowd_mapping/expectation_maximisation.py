@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numba import njit
 
 from wzsumo.crowd_mapping.point_blocks import BLOCK_SIZE, PointBlocks
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 
 NEGLIGIBLE = 37.0  # exp(-37) is below half the spacing of doubles at 1
 _LOG_2_PI = float(np.log(2 * np.pi))
@@ -70,7 +70,7 @@ def strongest(x: FloatArray, y: FloatArray, components: Components) -> npt.NDArr
 
 
 @njit(cache=True)
-def _densities_of(weights, means, covariances):  # type: ignore[no-untyped-def]  # numba infers them
+def _densities_of(weights: FloatArray, means: FloatArray, covariances: FloatArray) -> FloatArray:
     """Rows (log factor, mean x, mean y, a, b, c): log density = factor - ((a u)^2 + (b u + c v)^2) / 2, u, v from the mean."""
     k = len(weights)
     rows = np.empty((k, 6))
@@ -89,7 +89,7 @@ def _densities_of(weights, means, covariances):  # type: ignore[no-untyped-def] 
 
 
 @njit(cache=True)
-def _candidates(box, rows, chosen):  # type: ignore[no-untyped-def]  # numba infers them
+def _candidates(box: FloatArray, rows: FloatArray, chosen: IntArray) -> int:
     """Number of components that matter somewhere in the box; their indices go into `chosen`."""
     k = len(rows)
     upper = np.empty(k)
@@ -113,7 +113,7 @@ def _candidates(box, rows, chosen):  # type: ignore[no-untyped-def]  # numba inf
 
 
 @njit(cache=True, fastmath={"reassoc", "contract", "nsz"})
-def _pass(x, y, boxes, block_size, rows, sums):  # type: ignore[no-untyped-def]  # numba infers them
+def _pass(x: FloatArray, y: FloatArray, boxes: FloatArray, block_size: int, rows: FloatArray, sums: FloatArray) -> float:
     """Log-likelihood of all points; adds r, r u, r v, r u u, r u v, r v v of every component to `sums` (k, 6)."""
     n, k = len(x), len(rows)
     chosen = np.empty(k, dtype=np.int64)
@@ -172,7 +172,9 @@ def _pass(x, y, boxes, block_size, rows, sums):  # type: ignore[no-untyped-def] 
 
 
 @njit(cache=True)
-def _maximise(sums, n, reg_covar, weights, means, covariances):  # type: ignore[no-untyped-def]  # numba infers them
+def _maximise(
+    sums: FloatArray, n: int, reg_covar: float, weights: FloatArray, means: FloatArray, covariances: FloatArray
+) -> None:
     total = 0.0
     for j in range(len(weights)):
         count = sums[j, 0] + _TINY_COUNT
@@ -189,7 +191,10 @@ def _maximise(sums, n, reg_covar, weights, means, covariances):  # type: ignore[
 
 
 @njit(cache=True)
-def _iterate(x, y, boxes, block_size, weights, means, covariances, reg_covar, tol, max_iterations):  # type: ignore[no-untyped-def]  # numba infers them
+def _iterate(
+    x: FloatArray, y: FloatArray, boxes: FloatArray, block_size: int, weights: FloatArray, means: FloatArray,
+    covariances: FloatArray, reg_covar: float, tol: float, max_iterations: int,
+) -> tuple[float, bool]:  # fmt: skip
     n = len(x)
     sums = np.zeros((len(weights), 6))
     before = -np.inf
@@ -206,7 +211,7 @@ def _iterate(x, y, boxes, block_size, weights, means, covariances, reg_covar, to
 
 
 @njit(cache=True)
-def _log_densities(x, y, weights, means, covariances):  # type: ignore[no-untyped-def]  # numba infers them
+def _log_densities(x: FloatArray, y: FloatArray, weights: FloatArray, means: FloatArray, covariances: FloatArray) -> FloatArray:
     rows = _densities_of(weights, means, covariances)
     k = len(rows)
     parts = np.empty(k)
@@ -227,7 +232,7 @@ def _log_densities(x, y, weights, means, covariances):  # type: ignore[no-untype
 
 
 @njit(cache=True)
-def _strongest(x, y, weights, means, covariances):  # type: ignore[no-untyped-def]  # numba infers them
+def _strongest(x: FloatArray, y: FloatArray, weights: FloatArray, means: FloatArray, covariances: FloatArray) -> IntArray:
     rows = _densities_of(weights, means, covariances)
     out = np.empty(len(x), dtype=np.int64)
     for p in range(len(x)):

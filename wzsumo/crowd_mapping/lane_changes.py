@@ -7,7 +7,7 @@ Kalman filter of the offset ("per-survivor processing", Raheli, Polydoros and Tz
 import numpy as np
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 
 MAX_LANES_MOVED = 3  # to either side of the first lane
 CHANGE_STATIONS = np.array([1, 4, 8, 12])  # tried lengths of a change: 10 m (a simulator's jump) to 120 m
@@ -28,7 +28,14 @@ def relative_lanes(
 
 
 @njit(cache=True)
-def _search_all(departures, widths, drift_variance, white_variance, change_cost, lengths):  # type: ignore[no-untyped-def]  # numba infers them
+def _search_all(
+    departures: FloatArray,
+    widths: FloatArray,
+    drift_variance: float,
+    white_variance: float,
+    change_cost: float,
+    lengths: IntArray,
+) -> tuple[FloatArray, float]:
     lanes = np.zeros(departures.shape)
     total = 0.0
     for i in range(len(departures)):
@@ -37,7 +44,9 @@ def _search_all(departures, widths, drift_variance, white_variance, change_cost,
 
 
 @njit(cache=True)
-def _step(cost, mean, variance, value, drift_variance, white_variance):  # type: ignore[no-untyped-def]  # numba infers them
+def _step(
+    cost: float, mean: float, variance: float, value: float, drift_variance: float, white_variance: float
+) -> tuple[float, float, float]:
     """One Kalman step of a random walk; a missing value only lets it drift."""
     variance += drift_variance
     if np.isnan(value):
@@ -54,7 +63,10 @@ def _step(cost, mean, variance, value, drift_variance, white_variance):  # type:
 
 
 @njit(cache=True)
-def _search(v, widths, drift_variance, white_variance, change_cost, lengths, out):  # type: ignore[no-untyped-def]  # numba infers them
+def _search(
+    v: FloatArray, widths: FloatArray, drift_variance: float, white_variance: float, change_cost: float, lengths: IntArray,
+    out: FloatArray,
+) -> float:  # fmt: skip
     """Cost of the best sequence of lanes for one trace; the lanes themselves go into `out`."""
     n, span = len(v), 2 * MAX_LANES_MOVED + 1
     first = 0
@@ -82,9 +94,10 @@ def _search(v, widths, drift_variance, white_variance, change_cost, lengths, out
 
 
 @njit(cache=True)
-def _change(  # type: ignore[no-untyped-def]  # numba infers them
-    v, widths, drift_variance, white_variance, change_cost, lengths, first, j, k, source, state, origin
-):
+def _change(
+    v: FloatArray, widths: FloatArray, drift_variance: float, white_variance: float, change_cost: float, lengths: IntArray,
+    first: int, j: int, k: int, source: int, state: FloatArray, origin: IntArray,
+) -> None:  # fmt: skip
     """Enter the best change from lane `source` that ends in lane k at station j, where it beats what is there."""
     for length in lengths:
         start = j - length
@@ -103,13 +116,13 @@ def _change(  # type: ignore[no-untyped-def]  # numba infers them
 
 
 @njit(cache=True)
-def _on_the_way(source, goal, t):  # type: ignore[no-untyped-def]  # numba infers them
+def _on_the_way(source: int, goal: int, t: float) -> float:
     """Place between two lanes at a share t of a change, as drivers steer: slow at both ends."""
     return source + (goal - source) * t * t * (3.0 - 2.0 * t)
 
 
 @njit(cache=True)
-def _trace_back(first, k, origin, out):  # type: ignore[no-untyped-def]  # numba infers them
+def _trace_back(first: int, k: int, origin: IntArray, out: FloatArray) -> None:
     j = len(out) - 1
     while j > first:
         source, length = origin[j, k]

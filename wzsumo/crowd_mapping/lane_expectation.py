@@ -28,7 +28,10 @@ def expected_lanes(
 
 
 @njit(cache=True)
-def _expect(levels, weights, fit, log_prior, right, width, spread, log_shares):  # type: ignore[no-untyped-def]  # numba infers them
+def _expect(
+    levels: FloatArray, weights: FloatArray, fit: FloatArray, log_prior: FloatArray, right: float, width: float, spread: float,
+    log_shares: FloatArray,
+) -> tuple[FloatArray, FloatArray, float]:  # fmt: skip
     n, n_pairs, n_lanes = fit.shape
     joint = np.empty((n, n_lanes))
     total = np.empty((n, n_pairs))

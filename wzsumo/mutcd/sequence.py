@@ -4,6 +4,7 @@ Offsets e are counted from the open side, see `closure`.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from wzsumo.errors import SpecError
 from wzsumo.mutcd.closure import Closure
@@ -52,9 +53,9 @@ class _Sequence:
     lines: Lines
     stretches: list[Stretch] = field(default_factory=list)
 
-    def add(self, name: str, length_ft: float, *, spacing_ft: float | None = None, **lines: object) -> None:
+    def add(self, name: str, length_ft: float, *, spacing_ft: float | None = None, **lines: Any) -> None:
         """Append a stretch that ends with some lines changed: in a taper, unless another spacing is given."""
-        self.lines = replace(self.lines, **lines)  # type: ignore[arg-type]  # the names are fields of Lines
+        self.lines = replace(self.lines, **lines)
         if length_ft > 0:
             spacing = (spacing_ft or taper_spacing_ft(self.work_zone.posted_speed_mph)) * METRES_PER_FOOT
             self.stretches.append(Stretch(name=name, length=length_ft * METRES_PER_FOOT, end=self.lines, spacing=spacing))

@@ -6,12 +6,13 @@ IJRR 2010; the weight on the heuristic: Pohl, Heuristic search viewed as path fi
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 from wzsumo.planning.connection import connect, shortest_length
 from wzsumo.planning.distance_field import FieldArray
 from wzsumo.planning.footprint import Body, pose_is_free
@@ -27,7 +28,6 @@ _FAIR_M = 2.0  # more, is a fair cost of a connection
 _PATIENCE = 16  # after every so many vain connections one more state is passed over between two of them
 _OPEN, _CLOSED = 0, 1
 _NO_KEY = -1
-IntArray = npt.NDArray[np.int64]
 
 
 @njit(cache=True, error_model="numpy")
@@ -189,7 +189,7 @@ def _rehashed(keys: IntArray, holders: IntArray) -> tuple[IntArray, IntArray]:
 
 
 @njit(cache=True, error_model="numpy")
-def _grown(values):  # type: ignore[no-untyped-def]  # numba infers them
+def _grown(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     wider = np.empty(2 * len(values), dtype=values.dtype)
     for index in range(len(values)):
         wider[index] = values[index]

@@ -101,7 +101,7 @@ def _errors(time: FloatArray, *, spec: GnssSpec, random: np.random.Generator) ->
 
 
 @njit(cache=True)
-def _gauss_markov(time, correlation_time, normals):  # type: ignore[no-untyped-def]  # numba infers them
+def _gauss_markov(time: FloatArray, correlation_time: float, normals: FloatArray) -> FloatArray:
     """Unit-variance Gauss-Markov series (n, 2) at times (n,) from normals (n, 2), exact for any spacing."""
     out = np.empty_like(normals)
     out[0] = normals[0]
