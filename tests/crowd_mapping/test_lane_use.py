@@ -49,6 +49,13 @@ def test_lane_that_everybody_left_at_one_place_is_closed_there_and_open_before()
     assert (use.open_chance[1, : LEAVES - 8] == 1.0).all()
 
 
+def test_few_stations_between_one_who_leaves_a_lane_and_one_who_takes_it_are_no_closure():
+    index = np.arange(len(STATIONS))
+    leaves, takes = np.where(index < 30, 1, 2), np.where(index < 34, 0, 1)
+    use = use_of([keeper(0)] * 10 + [keeper(2)] * 10 + [leaves, takes])
+    assert (use.open_chance == 1.0).all()
+
+
 def test_lane_that_three_traces_happen_not_to_use_is_neither_free_nor_certainly_closed():
     use = use_of([keeper(0), keeper(0), keeper(2)])
     assert 0.2 < use.open_chance[1, 50] < 0.9

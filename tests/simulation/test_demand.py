@@ -128,6 +128,13 @@ def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower,
     assert slow.truck_tau_s > fast.truck_tau_s
 
 
+@pytest.mark.parametrize("discharge", [1412.0, 1591.0, 1783.5])
+def test_time_gap_leaves_a_queue_the_headway_of_its_discharge_and_a_truck_that_of_two_cars(discharge):
+    drivers, headway_s = hcm_drivers(discharge), 3600 / discharge
+    assert drivers.tau_s == pytest.approx(headway_s - 0.78, abs=1e-3)  # the rest of a headway: docs/traffic_calibration.md
+    assert drivers.truck_tau_s == pytest.approx(2 * headway_s - 1.22, abs=1e-3)  # HCM 7, E_T = 2 on level terrain
+
+
 @pytest.mark.parametrize("discharge", [1353, 1411, 1822])
 def test_discharge_beyond_what_drivers_were_fitted_to_is_refused_with_the_range(discharge):
     with pytest.raises(SpecError, match=rf"discharge {discharge} pc/h and lane, .* 1412 to 1784 .*drivers = .uncalibrated"):

@@ -53,6 +53,25 @@ def test_cases_that_differ_after_the_simulation_share_it_and_others_do_not():
     assert len(before.simulations) == 8
 
 
+def test_lidar_maps_share_the_drive_of_their_own_faults_and_other_maps_do_not_look_at_them():
+    study = a_study(methods=("slam_raw", "slam_barrier", "hd_map", "lanes"), slam__scene__faults__missing_share=[0.0, 0.4])
+    sources = {method: [case.source for case in study.cases if case.method == method] for method in study.spec.methods}
+    assert sources["slam_raw"] == sources["slam_barrier"]
+    assert {method: len(set(names)) for method, names in sources.items()} == {
+        "slam_raw": 2, "slam_barrier": 2, "hd_map": 1, "lanes": 1,
+    }  # fmt: skip
+    assert len(set().union(*sources.values())) == 4
+
+
+def test_factor_in_a_section_that_the_scenario_leaves_out_makes_that_section(tmp_path):
+    (tmp_path / "paper.toml").write_text(PAPER.read_text())
+    path = tmp_path / "study.toml"
+    path.write_text(
+        'name="s"\nscenarios=["paper.toml"]\nmethods=["slam_raw"]\n[grid]\nslam.scene.faults.missing_share=[0.1, 0.2]\n'
+    )
+    assert [case.scenario.slam.scene.faults.missing_share for case in load_study(path).cases] == [0.1, 0.2]
+
+
 def test_ids_of_cases_differ_and_do_not_depend_on_the_rest_of_the_study():
     wide = {case.id: case.factors for case in a_study(seed=[1, 2, 3], crowd__used=[2, 5]).cases}
     narrow = {case.id: case.factors for case in a_study(crowd__used=[5], seed=[2]).cases}

@@ -53,9 +53,9 @@ def test_next_fleet_is_simulated_while_cases_of_the_one_before_are_left(tmp_path
     study, workers = a_study(seed=[1, 2, 3, 4], crowd__used=list(range(1, 31))), AtOnce()
     sweep(study, tmp_path, workers)
     order = [name for name, _ in workers.started]
-    third = [at for at, name in enumerate(order) if name == "simulate"][2]
-    done = sum(len(args[1]) for name, args in workers.started[:third] if name == "evaluate")
-    assert done < 60
+    last = [at for at, name in enumerate(order) if name == "simulate"][3]  # the first three begin at once
+    handed_out = sum(len(args[1]) for name, args in workers.started[:last] if name == "evaluate")
+    assert handed_out < 60
 
 
 def test_second_sweep_does_nothing_and_a_wider_one_only_what_is_missing(tmp_path):

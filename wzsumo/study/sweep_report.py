@@ -58,7 +58,7 @@ def write_sweep_report(folder: Path) -> Path:
 def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
     """Sentences that answer the study, a method each."""
     takes_traces = ~table["method"].isin(BASELINE_METHODS) & (TRACES in factors)
-    lines = _traces_answers(table[takes_traces], factors) if takes_traces.any() else []
+    lines = _traces_answers(table, factors) if takes_traces.any() else []
     if takes_traces.all():
         return lines
     shares = summarise(table[~takes_traces], "safe_plan", by=["method"])
