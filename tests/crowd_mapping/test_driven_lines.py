@@ -35,3 +35,15 @@ def test_broad_component_of_a_few_strays_is_neither_swept_nor_a_guide():
     # Half a vehicle and 2.45 standard deviations of the drivers, 0.25 m at least.
     reach = 0.93 + 2.4477 * 0.25
     assert reach - 0.25 < np.abs(y[free.any(axis=1)] - 2.0).max() <= reach
+
+
+def test_queue_at_a_stop_line_does_not_make_strays_of_the_lanes_beyond():
+    # Twelve components gather 90 % of the fixes on 10 m before a stop line, two the moving vehicles on 300 m.
+    queue = np.diag([(10 / 12) ** 2 / 12, 0.01])
+    mixture = Mixture(
+        weights=np.array([0.9 / 12] * 12 + [0.05, 0.05]),
+        means=np.array([(i, 2.0) for i in range(12)] + [(85.0, 2.0), (235.0, 2.0)]),
+        covariances=np.array([queue] * 12 + [np.diag([150**2 / 12, 0.01])] * 2),
+        log_likelihood=0.0, n_points=1000, converged=True,
+    )  # fmt: skip
+    assert stands_for_a_stretch(mixture).all()

@@ -10,7 +10,6 @@ from typing import Any, Protocol
 from wzsumo import __version__
 from wzsumo.ego import EgoRun
 from wzsumo.errors import SpecError
-from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.fleet import summarise_fleet
 from wzsumo.metrics.traffic import measure_traffic
@@ -29,7 +28,7 @@ from wzsumo.study.guides import crowd_guide, nominal_guide
 from wzsumo.study.layout_files import write_layout
 from wzsumo.study.map_and_plan import map_of_zone, plan_for
 from wzsumo.study.map_updates import arriving_crowds, new_maps, plan_to_set_out_with
-from wzsumo.study.mapping_methods import learn_from
+from wzsumo.study.mapping_methods import Crowd, learn_from
 from wzsumo.study.replanning import NewMap
 from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site, prepare_site
@@ -96,7 +95,7 @@ def run_case(
         crowd_of_map = None if baseline else crowd
         results[method] = assess(grid, plan, run, crowd=crowd_of_map, over_zone=over_zone, scenario=scenario, site=site)
         write_method(folder, method, grid, plan, run)
-        results[method]["goals"] = goals_of(method, grid, plan, scenario=scenario, site=site, guide=guide, folder=folder)
+        results[method]["goals"] = goals_of(method, grid, plan, scenario=scenario, site=site, crowd=crowd_of_map, folder=folder)
 
     result = {
         "scenario": scenario.name,
@@ -126,12 +125,13 @@ def hcm_queue_discharge_vph(scenario: Scenario) -> float | None:
 
 
 def goals_of(
-    method: str, grid: OccupancyGrid, plan: Plan, *, scenario: Scenario, site: Site, guide: FloatArray, folder: Path
+    method: str, grid: OccupancyGrid, plan: Plan, *, scenario: Scenario, site: Site, crowd: Crowd | None, folder: Path
 ) -> dict[str, dict[str, Any]]:
     """Figures of the planned paths to the ego's own lane (`plan`) and, where the scenario asks for it, to the open lane."""
     goals = {"own_lane": goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)}
     lane, other = scenario.route.open_goal_lane, site_with_open_goal(site)
     if lane is not None and other is not None:
+        guide = nominal_guide(other) if crowd is None else crowd_guide(crowd, site=other)
         to_open = plan_for(method, grid, scenario=scenario, site=other, guide=guide)
         goals["open_lane"] = goal_figures(to_open, lane=lane, scenario=scenario, site=other)
         write_path(folder, f"{method}_to_open_lane", to_open)

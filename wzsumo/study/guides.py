@@ -1,20 +1,38 @@
-"""The lines that a plan is guided by: nominal lanes where the road is as it was, and what the crowd drove in between."""
+"""The lines that a plan is guided by: nominal lanes where the road is as it was, and in between those of who went its way.
+
+Where the work parts the traffic, the lines on its other side lead to other lanes: whoever follows them changes sides at the
+nose of the work, where nobody did.
+"""
 
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 
 from wzsumo.crowd_mapping.drivable_area import driven_lines
 from wzsumo.frames import FloatArray
+from wzsumo.grid import BoolArray
+from wzsumo.road import Road
 from wzsumo.study.mapping_methods import Crowd
 from wzsumo.study.site import Site
 
+AT_THE_END_M = 30.0  # over the last stretch of a trace the lane is told that it ended in
+LEAST_DRIVEN = 0.5  # of a line
+HALF_LANE_M = 1.83  # of 12 ft, AASHTO Green Book
 LINE_STEP_M = 20.0  # on a bend of 300 m radius the chord leaves the arc by 0.17 m
 
 
 def crowd_guide(crowd: Crowd, *, site: Site) -> FloatArray:
-    """Lines (n, 2, 2) [m] for a map of the crowd: nominal lane centres outside the announced zone, driven lines inside."""
-    return np.concatenate([nominal_guide(site), driven_lines(crowd.mixture)])
+    """Lines (n, 2, 2) [m] for a map of the crowd: nominal lane centres outside the announced zone, driven lines inside.
+
+    Of those the ones that vehicles drove who left the zone in the goal's lane; all where nobody did.
+    """
+    lines = driven_lines(crowd.mixture)
+    fellows = bound_for(site.goal[:2], crowd.traces, road=site.layout.road)
+    if len(fellows):
+        lines = lines[_driven_by(fellows[["x_m", "y_m"]].to_numpy(), lines)]
+    return np.concatenate([nominal_guide(site), lines])
 
 
 def nominal_guide(site: Site) -> FloatArray:
@@ -27,3 +45,32 @@ def nominal_guide(site: Site) -> FloatArray:
             points = road.to_xy(stations, np.full_like(stations, road.lane_centre(lane)))
             lines += [np.stack(pair) for pair in pairwise(points)]
     return np.stack(lines)
+
+
+def bound_for(goal: tuple[float, float], traces: pd.DataFrame, *, road: Road) -> pd.DataFrame:
+    """The traces that end in the lane in which the point `goal` (x, y) [m] lies."""
+    station, offset = road.to_sd(traces[["x_m", "y_m"]])
+    by_vehicle = traces["vehicle_id"]
+    last = pd.Series(station, index=traces.index).groupby(by_vehicle).transform("max")
+    ends = traces.assign(offset_m=offset)[station > last - AT_THE_END_M].groupby("vehicle_id")["offset_m"].mean()
+    (_,), (across,) = road.to_sd(goal)
+    same = ends.index[_lane_at(ends.to_numpy(), road) == _lane_at(across, road)]
+    return traces[by_vehicle.isin(same)]
+
+
+def _lane_at(offset: npt.ArrayLike, road: Road) -> npt.NDArray[np.intp]:
+    centres = np.array([road.lane_centre(lane) for lane in range(road.own_lanes)])
+    return np.argmin(np.abs(np.asarray(offset)[..., None] - centres), axis=-1)
+
+
+def _driven_by(fixes: FloatArray, lines: FloatArray) -> BoolArray:
+    """Which lines (n,) have fixes (m, 2) within half a lane beside them that span LEAST_DRIVEN of their length or more."""
+    way = lines[:, 1] - lines[:, 0]
+    length = np.maximum(np.hypot(*way.T), 1e-9)
+    ahead = way / length[:, None]
+    offset = fixes[None] - lines[:, None, 0]
+    along = np.einsum("nmk,nk->nm", offset, ahead)
+    across = offset[..., 1] * ahead[:, None, 0] - offset[..., 0] * ahead[:, None, 1]
+    beside = (np.abs(across) < HALF_LANE_M) & (along >= 0) & (along <= length[:, None])
+    first, last = np.where(beside, along, np.inf).min(axis=1), np.where(beside, along, -np.inf).max(axis=1)
+    return np.asarray(last - first >= LEAST_DRIVEN * length)
