@@ -7,7 +7,7 @@ from wzsumo.lidar_mapping.features import FeatureSpec, classify_points, take_out
 from wzsumo.lidar_mapping.loam import LoamSpec, map_drive
 from wzsumo.lidar_mapping.motion import MotionSpec, dead_reckon, first_prior, motion_within, predict, update, with_gnss
 from wzsumo.lidar_mapping.posed_scan import ScanState, trajectory_error_m, without_clouds
-from wzsumo.lidar_mapping.scan_lines import EDGE, NEITHER, PLANAR, SIDE, SMOOTH
+from wzsumo.lidar_mapping.scan_lines import NEITHER, PLANAR, POST, SIDE, SMOOTH
 from wzsumo.rigid import inverse, moved, rigid, rotation_from_rpy
 from wzsumo.scan import LidarScan, MotionReadings
 
@@ -142,16 +142,16 @@ def test_gnss_calibrates_the_wheel_and_the_gyroscope():
     assert prior.bias_rps == pytest.approx(-0.0005, abs=0.0002)
 
 
-def test_posts_give_edges_on_their_axes_and_ground_gives_planars():
+def test_posts_are_found_on_their_axes_and_ground_gives_planars():
     pose = rigid(rotation_from_rpy([0, 0, 0.3]), [12.0, 0.5, 0])
     scan = scan_of_posts(pose, start_s=0.0, seed=1, noise=0.0)
     kind, place = classify_points(scan, scan.object_id > 0, FeatureSpec(edges_per_sector=0))
-    edge = kind == EDGE
-    assert edge.sum() > 40
-    assert (scan.object_id[edge] > 0).all()
+    post = kind == POST
+    assert post.sum() > 40
+    assert (scan.object_id[post] > 0).all()
     assert (scan.object_id[kind == PLANAR] == 0).mean() > 0.99
-    axes = moved(place[edge], pose @ MOUNT)[:, :2] - POSTS[scan.object_id[edge] - 1]
-    away = np.linalg.norm(scan.points[edge], axis=1)
+    axes = moved(place[post], pose @ MOUNT)[:, :2] - POSTS[scan.object_id[post] - 1]
+    away = np.linalg.norm(scan.points[post], axis=1)
     assert np.linalg.norm(axes[away < 15], axis=1).max() < 0.08  # half an azimuth step is 5 cm at 15 m
     np.testing.assert_allclose(axes.mean(axis=0), 0.0, atol=0.02)
 

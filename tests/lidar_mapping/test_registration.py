@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from wzsumo.errors import CloudError
-from wzsumo.lidar_mapping.alignment import Matcher, align, minus, plus
+from wzsumo.lidar_mapping.alignment import SurfaceMatcher, align, minus, plus
 from wzsumo.lidar_mapping.patches import FEWEST, FLATNESS, NEIGHBOURS, SLENDERNESS, SPREAD, Shape, fit_patches
 from wzsumo.lidar_mapping.registration import RegistrationStatus, register
 from wzsumo.lidar_mapping.voxel_map import ROOM, VoxelMap
@@ -133,7 +133,11 @@ def test_information_and_pull_equal_numerical_derivatives_of_the_cost():
     strong = np.diag([1e12] * 6)  # the prior holds the pose, so that the information is taken at the start
     start = rigid(rotation_from_rpy([0.01, -0.02, 0.03]), [0.1, 0.05, -0.05])
     fit = align(
-        (Matcher(features=features, target=held, shape=Shape.PLANE),), start, prior_information=strong, radii=(1.0,), steps=1
+        (SurfaceMatcher(features=features, target=held, shape=Shape.PLANE),),
+        start,
+        prior_information=strong,
+        radii=(1.0,),
+        steps=1,
     )
     patches = fit_patches(moved(features, start), held, shape=Shape.PLANE, radius=1.0)
     used = patches.dimension > 0

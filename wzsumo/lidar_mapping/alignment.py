@@ -5,7 +5,9 @@ prior. The residual scale is estimated from the residuals themselves, and featur
 weight of one: else thousands of correlated points would outvote every other source.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numba import njit
@@ -36,17 +38,32 @@ class Fit:
     converged: bool
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Matcher:
-    """Features of one kind against the map they are laid on."""
+class Matcher(Protocol):
+    """Features of one kind, and the map they are laid on."""
 
-    features: FloatArray  # (n, 3), in the moved frame
+    @property
+    def features(self) -> FloatArray:
+        """(n, 3), in the moved frame."""
+
+    def patches(self, pose: FloatArray, radius: float) -> Patches:
+        """What each feature, moved by the pose (4, 4), is drawn to within a radius [m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfaceMatcher:
+    """Features on lines or planes of a point map."""
+
+    features: FloatArray
     target: VoxelMap
     shape: Shape
 
+    def patches(self, pose: FloatArray, radius: float) -> Patches:
+        """See Matcher."""
+        return fit_patches(moved(self.features, pose), self.target, shape=self.shape, radius=radius)
+
 
 def align(
-    matchers: tuple[Matcher, ...],
+    matchers: Sequence[Matcher],
     start: FloatArray,
     *,
     prior_information: FloatArray,
@@ -61,10 +78,7 @@ def align(
     """
     pose, information, scale, used, change = np.asarray(start, dtype=np.float64), np.zeros((6, 6)), SCALE_FLOOR_M, 0, np.inf
     for radius in radii:
-        fitted = [
-            (matcher, fit_patches(moved(matcher.features, pose), matcher.target, shape=matcher.shape, radius=radius))
-            for matcher in matchers
-        ]
+        fitted = [(matcher, matcher.patches(pose, radius)) for matcher in matchers]
         used = sum(int((patches.dimension > 0).sum()) for _, patches in fitted)
         if used < FEWEST_FEATURES:
             information = np.zeros((6, 6))
@@ -117,10 +131,10 @@ def _accumulate(
     features: FloatArray, rotation: FloatArray, projector: FloatArray, offset: FloatArray, weight: FloatArray,
     information: FloatArray, gradient: FloatArray,
 ) -> None:  # fmt: skip
-    """Add sum w J'J and sum w J'r; J = P R [I, -[p]x], r = P (R p + t - c) = `offset`, P a projector."""
+    """Add sum w J'J and sum w J'r; J = P R [I, -[p]x], r = P (R p + t - c) = `offset`, P symmetric."""
     for i in range(len(features)):
         x, y, z = features[i]
-        turned = np.zeros((3, 6))  # P R [I, -[p]x]; J'J = its own square, since P is a projector
+        turned = np.zeros((3, 6))  # P R [I, -[p]x]
         for a in range(3):
             for c in range(3):
                 for k in range(3):

@@ -2,7 +2,7 @@
 
 A cone or a pole has no edge that is fixed in the world: its silhouette and its visible face travel around it as the car
 passes, and would pull the car back by a millimetre a scan. Its AXIS is fixed. So where a line crosses something narrow
-that stands free on both sides, the edge point is the middle of the crossing, moved in by half its width.
+that stands free on both sides, the point of a post is the middle of the crossing, moved in by half its width.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from numba import njit
 from pydantic import Field
 
 from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.scan_lines import EDGE, PLANAR, BoolArray, classify_lines
+from wzsumo.lidar_mapping.scan_lines import EDGE, PLANAR, POST, BoolArray, classify_lines
 from wzsumo.scan import LidarScan
 from wzsumo.spec import Spec
 
@@ -39,13 +39,14 @@ class Features:
     """
 
     edge: FloatArray  # (n, 3)
+    posts: FloatArray  # (n, 3): where their axes are
     ground: FloatArray
     walls: FloatArray
     smooth_ground: FloatArray
     smooth_walls: FloatArray
 
     def __len__(self) -> int:
-        return len(self.edge) + len(self.ground) + len(self.walls)
+        return len(self.edge) + len(self.posts) + len(self.ground) + len(self.walls)
 
 
 def extract_features(
@@ -53,15 +54,16 @@ def extract_features(
 ) -> Features:
     """Features of a scan; `cloud` (n, 3) are its points freed of the car's motion, `standing` (n,) those above the ground.
 
-    `motion` (columns, 4, 4) is what freed them (`take_out_motion`). Edges are taken from standing points alone: a rough
-    verge is full of sharp points that are gone in the next scan.
+    `motion` (columns, 4, 4) is what freed them (`take_out_motion`). Edges and posts are taken from standing points alone: a
+    rough verge is full of sharp points that are gone in the next scan.
     """
     kind, place = classify_points(scan, standing, spec)
-    edge = kind == EDGE
-    kept = {name: getattr(scan, name)[edge] for name in ("ring", "column", "time_s", "object_id")}
-    axes = replace(scan, points=place[edge], **kept)
+    post = kind == POST
+    kept = {name: getattr(scan, name)[post] for name in ("ring", "column", "time_s", "object_id")}
+    axes = replace(scan, points=place[post], **kept)
     return Features(
-        edge=take_out_motion(axes, motion),
+        edge=cloud[kind == EDGE],
+        posts=take_out_motion(axes, motion),
         ground=cloud[(kind == PLANAR) & ~standing],
         walls=cloud[(kind == PLANAR) & standing],
         smooth_ground=cloud[(kind >= PLANAR) & ~standing],
@@ -70,7 +72,7 @@ def extract_features(
 
 
 def classify_points(scan: LidarScan, standing: BoolArray, spec: FeatureSpec) -> tuple[npt.NDArray[np.int64], FloatArray]:
-    """(NEITHER, EDGE, PLANAR or SMOOTH (n,), the points (n,3) themselves or, of a post's edge point, the place of its axis)."""
+    """(NEITHER, EDGE, POST, PLANAR or SMOOTH (n,), the points (n, 3) themselves or, of a post's, the place of its axis)."""
     kind, place = np.zeros(len(scan.points), dtype=np.int64), np.array(scan.points, dtype=np.float64)
     if len(kind) == 0:
         return kind, place

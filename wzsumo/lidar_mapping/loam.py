@@ -7,14 +7,14 @@ height and pitch free, a guardrail the way along it) it says nothing (solution r
 Dead reckoning runs beside it and is part of every result.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from pydantic import Field
 
 from wzsumo.errors import InputError, NoGroundError
 from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, Matcher, align, minus
+from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, Matcher, SurfaceMatcher, align, minus
 from wzsumo.lidar_mapping.features import Features, FeatureSpec, extract_features, take_out_motion
 from wzsumo.lidar_mapping.motion import (
     MotionSpec,
@@ -30,6 +30,7 @@ from wzsumo.lidar_mapping.motion import (
 )
 from wzsumo.lidar_mapping.patches import Shape
 from wzsumo.lidar_mapping.posed_scan import PosedScan, ScanState
+from wzsumo.lidar_mapping.post_map import PostMap, PostMatcher
 from wzsumo.lidar_mapping.scan_lines import BoolArray
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
@@ -63,6 +64,7 @@ def map_drive(
     Raises InputError where there is no scan, or no motion reading around one.
     """
     edges = VoxelMap(cube=spec.edge_radius_m, spacing=spec.edge_spacing_m)
+    posts = PostMap(apart=spec.edge_radius_m)
     ground, walls = (VoxelMap(cube=spec.plane_radius_m, spacing=spec.plane_spacing_m) for _ in range(2))
     prior, reckoned = first_prior(start, spec.motion), reckoned_poses(readings, start)
     last: LidarScan | None = None
@@ -70,6 +72,7 @@ def map_drive(
         fix: FloatArray | None = None
         if last is not None:
             prior, fix = _carried_on(prior, readings, last.start_s, scan.start_s, spec.motion)
+        step = 2 * np.pi / (int(scan.column.max()) + 1) if len(scan.points) else 0.0
         motion = _motion_of_columns(scan, readings, prior) @ mounting
         cloud = take_out_motion(scan, motion)
         standing = _standing(scan, cloud, prior, spec)
@@ -80,15 +83,17 @@ def map_drive(
             state = _readiness(scan, last, features)
         if state is ScanState.REGISTERED:
             matchers = (
-                Matcher(features=features.edge, target=edges, shape=Shape.LINE),
-                Matcher(features=features.walls, target=walls, shape=Shape.PLANE),
-                Matcher(features=features.ground, target=ground, shape=Shape.GROUND),
+                PostMatcher(features=features.posts, target=posts, sensor=mounting[:3, 3], step=step),
+                SurfaceMatcher(features=features.edge, target=edges, shape=Shape.LINE),
+                SurfaceMatcher(features=features.walls, target=walls, shape=Shape.PLANE),
+                SurfaceMatcher(features=features.ground, target=ground, shape=Shape.GROUND),
             )
             fit = _laid_on(matchers, prior, spec)
             prior, state, free = _weighed(prior, fit, spec)
         if fix is not None:
             prior = with_gnss(prior, fix, spec.motion)
         if state is not ScanState.IDENTICAL_SCAN:
+            posts.insert(moved(features.posts, prior.pose), sensor=(prior.pose @ mounting)[:3, 3], step=step)
             edges.insert(moved(features.edge, prior.pose))
             walls.insert(moved(features.smooth_walls, prior.pose))
             ground.insert(moved(features.smooth_ground[::3], prior.pose))  # a third of them fill the map as well
@@ -155,7 +160,7 @@ def _readiness(scan: LidarScan, last: LidarScan, features: Features) -> ScanStat
     return ScanState.REGISTERED if len(features) >= FEWEST_FEATURES else ScanState.TOO_FEW_FEATURES
 
 
-def _laid_on(matchers: tuple[Matcher, ...], prior: Prior, spec: LoamSpec) -> Fit:
+def _laid_on(matchers: Sequence[Matcher], prior: Prior, spec: LoamSpec) -> Fit:
     radius = max(spec.edge_radius_m, spec.plane_radius_m)
     trust = np.asarray(np.linalg.solve(prior.covariance[:6, :6], np.eye(6)), dtype=np.float64)
     return align(matchers, prior.pose, prior_information=trust, radii=(radius,) * 3, steps=3, settle=2e-3)

@@ -34,8 +34,9 @@ class Shape(IntEnum):
 class Patches:
     """For each of n features: `centre` (n, 3) of its patch, `projector` (n, 3, 3) onto the directions away from it.
 
-    The projector is nn' for a plane with normal n, I - dd' for a line along d and I for a point. `dimension` counts these
-    directions: 0 where no patch was found. `share` (n,) is 1 over the count of features drawn to the same cube of the map.
+    The projector is nn' for a plane with normal n, I - dd' for a line along d and I for a point; of directions that are known
+    less well than others (`post_map`) it takes a share. `dimension` counts the directions: 0 where no patch was found. `share`
+    (n,) is 1 over the count of features drawn to the same cube of the map, or to the same post.
     """
 
     centre: FloatArray

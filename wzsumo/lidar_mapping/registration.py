@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from wzsumo.cloud import check_cloud
 from wzsumo.errors import CloudError, NoGroundError
 from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, Matcher, align
+from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, SurfaceMatcher, align
 from wzsumo.lidar_mapping.patches import Shape
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
@@ -129,7 +129,9 @@ def _guesses(start: FloatArray | None, centres: tuple[FloatArray, FloatArray], u
     return [rigid(np.eye(3), (centres[0] - centres[1]) / unit), np.eye(4)]
 
 
-def _promising_turns(coarse: tuple[Matcher, ...], centres: tuple[FloatArray, FloatArray], unit: float) -> list[FloatArray]:
+def _promising_turns(
+    coarse: tuple[SurfaceMatcher, ...], centres: tuple[FloatArray, FloatArray], unit: float
+) -> list[FloatArray]:
     """Of turns about the vertical through the middles, and through the origins, those that bring standing points nearest."""
     standing = coarse[-1]
     if not (len(standing.features) and len(standing.target)):
@@ -148,7 +150,7 @@ def _promising_turns(coarse: tuple[Matcher, ...], centres: tuple[FloatArray, Flo
     return sorted(guesses, key=apart)[:MOST_PROMISING]
 
 
-def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float) -> list[tuple[Matcher, ...]]:
+def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float) -> list[tuple[SurfaceMatcher, ...]]:
     """Matchers of each level, coarse to fine. Ground is matched to planes alone, standing points to whatever they form.
 
     Kept apart, a cone among ten thousand ground points still has its own neighbours at a radius of metres; together, the
@@ -162,7 +164,7 @@ def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float
             cube = factor * near
             held = VoxelMap(cube=cube, spacing=cube / fineness)
             held.insert(others)
-            matchers.append(Matcher(features=_thinned(points, cube / fineness), target=held, shape=shape))
+            matchers.append(SurfaceMatcher(features=_thinned(points, cube / fineness), target=held, shape=shape))
         levels.append(tuple(matchers))
     return levels
 
@@ -179,7 +181,7 @@ def _parts(points: FloatArray, extent: float) -> tuple[FloatArray, FloatArray]:
     return points[ground], points[~ground]
 
 
-def _coarse_to_fine(levels: list[tuple[Matcher, ...]], pose: FloatArray, *, extent: float) -> Fit:
+def _coarse_to_fine(levels: list[tuple[SurfaceMatcher, ...]], pose: FloatArray, *, extent: float) -> Fit:
     weak = np.diag([1e-6] * 3 + [1e-6 * extent**2] * 3)
     fit = Fit(pose=pose, information=np.zeros((6, 6)), scale=np.inf, used=0, converged=False)
     for matchers in levels:

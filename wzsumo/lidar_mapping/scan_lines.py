@@ -11,7 +11,7 @@ SIDE = 5  # neighbours to either side that the curvature is taken over, as in th
 LARGEST_GAP = 4  # azimuth steps between neighbours that still count as one line; drop-out leaves holes
 STEP_SHARE = 0.05  # a jump in range beyond this share of it hides what is behind, or is seen almost edge on
 WIDEST_POST_M = 0.6  # of what is taken for a post: drums are 18 in wide, MUTCD 6K.07
-NEITHER, EDGE, PLANAR, SMOOTH = 0, 1, 2, 3
+NEITHER, EDGE, POST, PLANAR, SMOOTH = 0, 1, 2, 3, 4
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -98,7 +98,7 @@ def _mark_posts(
         before = first == 0 or at[first] - at[first - 1] > LARGEST_GAP or reach[first - 1] > reach[first]
         behind = k == n or at[k] - at[last] > LARGEST_GAP or reach[k] > reach[last]
         if width < WIDEST_POST_M and before and behind and reach[middle] > limits[0] and standing[line[middle]]:
-            kind[line[middle]] = EDGE
+            kind[line[middle]] = POST
             towards = np.empty(3)
             for a in range(3):
                 towards[a] = points[line[first], a] / reach[first] + points[line[last], a] / reach[last]
