@@ -142,3 +142,21 @@ def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(
     passed, overlapped = passers_through(files, shown=True)
     assert passed >= 5
     assert overlapped == 0
+
+
+def test_stand_in_lies_beside_all_roads_for_a_step_before_it_is_removed(files):
+    # Drivers keep for a step whom they saw beside them; taken away at once, SUMO 1.28 crashed in a later step.
+    def on_lanes():
+        return {name for lane in sumo.lane.getIDList() for name in sumo.lane.getLastStepVehicleIDs(lane)}
+
+    with running(files.config, options=FINE) as session:
+        sumo, stand_in = session._sumo, f"{EGO_ID}.1"
+        *_, (state, _) = drive(session, files, y=LANE, duration_s=0.5)
+        assert stand_in in on_lanes()
+        known = []
+        for _ in range(2):
+            session.place_ego(state, CAR)
+            session.step()
+            assert stand_in not in on_lanes()
+            known.append(stand_in in sumo.vehicle.getIDList())
+        assert known == [True, False]

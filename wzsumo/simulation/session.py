@@ -29,6 +29,7 @@ SIDE_CLEARANCE_M = 0.3
 # does: the ego is then counted to no lane or to a wrong one, and SUMO 1.28 has crashed in the step after.
 _PLACEMENT = 2 | 1
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
+_NOWHERE_M = (-1e4, -1e4)  # a point off every road
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +48,7 @@ class Session:
         self._sumo = api
         self._sizes: dict[str, tuple[float, float]] = {}
         self._stand_ins: dict[int, str] = {}
+        self._aside: list[str] = []
         self._n_stand_ins = 0
         self._brake_hard: set[str] = set()
         self._gridlock = Gridlock(api)
@@ -143,8 +145,7 @@ class Session:
         """
         self._place(EGO_ID, advance(state.pose, vehicle.axle_to_bumper_m), speed=state.speed)
         gone = self._stand_ins.keys() - {intrusion.lane for intrusion in intrusions}
-        for lane in sorted(gone):
-            self._remove(self._stand_ins.pop(lane))
+        self._take_away([self._stand_ins.pop(lane) for lane in sorted(gone)])
         for intrusion in intrusions:
             if intrusion.lane not in self._stand_ins:
                 self._stand_ins[intrusion.lane] = self._add_stand_in()
@@ -167,9 +168,18 @@ class Session:
         self._take_over(name)
         return name
 
-    def _remove(self, name: str) -> None:
-        if name in self._sumo.vehicle.getIDList():
-            self._sumo.vehicle.remove(name)
+    def _take_away(self, names: list[str]) -> None:
+        """Put vehicles beside all roads for the coming step, and remove those that were there in the last one.
+
+        SUMO's drivers keep for a step whom they saw beside them. Removed from its lane, a stand-in was freed under their eyes:
+        SUMO 1.28 crashed in a later step.
+        """
+        api = self._sumo.vehicle
+        for name in set(self._aside) & set(api.getIDList()):
+            api.remove(name)
+        for name in names:
+            api.moveToXY(name, "", -1, *_NOWHERE_M, keepRoute=2)
+        self._aside = names
 
     def _take_over(self, name: str) -> None:
         self._sumo.vehicle.setSpeedMode(name, 0)
