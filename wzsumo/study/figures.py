@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -14,17 +13,9 @@ from wzsumo.study.drive_figure import draw_drive
 from wzsumo.study.layout_figure import draw_zone
 from wzsumo.study.map_figures import draw_maps, draw_truth
 from wzsumo.study.mixture_figures import draw_components, draw_criteria, draw_samples
+from wzsumo.study.page import ReportFigure, write_planned
 from wzsumo.study.result_folder import ResultFolder
 from wzsumo.study.traffic_figures import draw_space_time
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReportFigure:
-    """An image file, its title and what its caption says."""
-
-    path: Path
-    title: str
-    caption: str
 
 
 def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
@@ -71,12 +62,7 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
         )  # fmt: skip
     if baselines:
         plans += _baseline_plans(run, baselines, crowd=mapped, run_of=f"n = 1 mapping drive, seed {seed}.")
-    figures = []
-    for stem, draw, title, caption in plans:
-        path = folder / f"{stem}.png"
-        draw().savefig(path)
-        figures.append(ReportFigure(path=path, title=title, caption=caption))
-    return figures
+    return write_planned(plans, folder)
 
 
 def _baseline_plans(

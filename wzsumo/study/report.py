@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from wzsumo.ego import Outcome
 from wzsumo.errors import OutputError
 from wzsumo.study.baselines import BASELINE_METHODS, SLAM_METHODS
 from wzsumo.study.drive_player import player_data
 from wzsumo.study.goals_table import goal_rows
+from wzsumo.study.page import page_template
 from wzsumo.study.result_folder import ResultFolder, read_result_folder
 from wzsumo.study.traffic_rows import traffic_rows
 
@@ -68,16 +67,9 @@ def metres(length: float | None) -> str:
 
 
 def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
-    environment = Environment(
-        loader=PackageLoader("wzsumo.study", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     result, best = run.result, best_method(run.methods)
     facts = {key: _text(result.get(key)) for key in ("scenario", "seed", "version", "n_collected", "n_traces", "n_components")}
-    return environment.get_template("report.html.j2").render(
+    return page_template("report.html.j2").render(
         facts=facts,
         best=best,
         player=player_data(run, best),

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wzsumo.study.answers import GOOD_ENOUGH, TRACES, traces_needed
-from wzsumo.study.figures import ReportFigure
+from wzsumo.study.page import ReportFigure, write_planned
 from wzsumo.study.results import column_of
 from wzsumo.study.summary import summarise
 from wzsumo.study.zone_axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, plain
@@ -62,12 +62,7 @@ def write_sweep_figures(table: pd.DataFrame, folder: Path) -> list[ReportFigure]
     if along and series:
         caption = f"Share of cases with a safe plan: its outline touches no device, no edge and not the closed area. {seeds}"
         plans.append(("outcome", partial(draw_outcome, table, along=along, across=series), "Outcome", caption))
-    figures = []
-    for stem, draw, title, caption in plans:
-        path = folder / f"{stem}.png"
-        draw().savefig(path)
-        figures.append(ReportFigure(path=path, title=title, caption=caption))
-    return figures
+    return write_planned(plans, folder)
 
 
 def draw_quality(table: pd.DataFrame, *, along: str, series: str | None) -> Figure:

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from wzsumo.output import write_whole
 from wzsumo.study.answers import GOOD_ENOUGH, TRACES, traces_needed
 from wzsumo.study.baselines import BASELINE_METHODS
+from wzsumo.study.page import page_template
 from wzsumo.study.result_store import read_study
 from wzsumo.study.results import column_of, read_results
 from wzsumo.study.study_case import code_version
@@ -41,7 +41,7 @@ def write_sweep_report(folder: Path) -> Path:
     for part in tables:
         write_table(part["frame"], folder / "tables", part["stem"])
     seeds, simulations = table["seed"].nunique(), table["simulation"].nunique()
-    page = _template().render(
+    page = page_template("sweep.html.j2").render(
         name=study.spec.name,
         folder=str(folder),
         facts=f"{len(table)} of {len(study.cases)} cases · {simulations} simulations · {seeds} seeds · wzsumo {code_version()}",
@@ -147,14 +147,3 @@ def _shown(part: dict[str, Any]) -> dict[str, Any]:
 
 def _cells(rows: Any) -> list[Sequence[str]]:
     return [["" if pd.isna(v) else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row] for row in rows]
-
-
-def _template() -> Any:
-    environment = Environment(
-        loader=PackageLoader("wzsumo.study", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("sweep.html.j2")
