@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from wzsumo.control.car_following import Leader
 from wzsumo.ego import EgoState
-from wzsumo.frames import FloatArray, advance
+from wzsumo.frames import FloatArray, advance, wrap_angle
+from wzsumo.grid import BoolArray
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
@@ -34,7 +35,7 @@ class Route:
 
     poses: FloatArray  # (n, 3) of the REAR AXLE
     stations: FloatArray  # (n,) m along the path
-    on_road: FloatArray  # (n, 2) m, station and lateral offset on the road, of the vehicle's CENTRE
+    on_road: FloatArray  # (n, 3) station [m], lateral offset [m] and heading [rad] on the road, of the vehicle's CENTRE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,8 +52,10 @@ class Way:
 
 def route_along(path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> Route:
     """The route of a path on the road of `layout`."""
-    centres = advance(path.poses, vehicle.axle_to_centre_m)[:, :2]
-    return Route(poses=path.poses, stations=path.arc_length, on_road=np.column_stack(layout.road.to_sd(centres)))
+    centres = advance(path.poses, vehicle.axle_to_centre_m)
+    station, offset = layout.road.to_sd(centres[:, :2])
+    turned = wrap_angle(centres[:, 2] - layout.road.heading_at(station))
+    return Route(poses=path.poses, stations=path.arc_length, on_road=np.column_stack([station, offset, turned]))
 
 
 def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
@@ -68,12 +71,7 @@ def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
     nearest = np.argmin(np.einsum("ijk,ijk->ij", offset, offset), axis=1)
     index = np.arange(len(traffic.ids))
     along, across = _in_frame(offset[index, nearest], poses[nearest, 2])
-    # Who stands across the line reaches farther to the side than its width.
-    cos, sin = np.abs(np.cos(traffic.poses[:, 2] - poses[nearest, 2])), np.abs(np.sin(traffic.poses[:, 2] - poses[nearest, 2]))
-    half_along, half_across = (
-        (traffic.lengths * cos + traffic.widths * sin) / 2,
-        (traffic.widths * cos + traffic.lengths * sin) / 2,
-    )
+    half_along, half_across = _half_extents(traffic.poses[:, 2] - poses[nearest, 2], traffic.lengths, traffic.widths)
     gap = poses_s[nearest] - station + along - half_along - vehicle.axle_to_bumper_m
     in_way = (np.abs(across) < half_across + vehicle.width_m / 2 + TOUCH_M) & (along > -1.0) & (along < 5.0) & (nearest > 0)
     in_way &= gap > -traffic.lengths
@@ -95,25 +93,55 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> floa
     if not traffic.ids:
         return None
     station, across = layout.road.to_sd(traffic.poses[:, :2])
-    half_width, half_length = (traffic.widths + way.vehicle.width_m) / 2, (traffic.lengths + way.vehicle.length_m) / 2
     times = np.arange(0.0, FORESIGHT_S + 1e-9, TIME_STEP_S)
     path_stations, own_speeds = _carried_on(way, times)
     own = np.column_stack([np.interp(path_stations, way.route.stations, column) for column in way.route.on_road.T])
-    side_gap = np.abs(own[:, 1] - _tracks(station, across, own[:, 0], layout=layout)) - half_width[:, None]
-    moved_into = (side_gap < SIDE_MARGIN_M) & (side_gap < side_gap[:, :1] - LEAST_MOVE_M) & (side_gap[:, :1] > 0)
+    aside = _tracks(station, across, own[:, 0], layout=layout) - own[:, 1]
+    half_width = _half_extents(own[:, 2], way.vehicle.length_m, way.vehicle.width_m)[1]
+    side_gap = np.abs(aside) - traffic.widths[:, None] / 2 - half_width
+    level = np.minimum(SIDE_MARGIN_M, side_gap[:, 0] - LEAST_MOVE_M)
+    moved_into = (side_gap < level[:, None]) & (side_gap[:, :1] > 0)
     entry = np.argmax(moved_into, axis=1)
     theirs = traffic.speeds * np.cos(traffic.poses[:, 2] - layout.road.heading_at(station))  # along the road; below 0: oncoming
-    ahead = station + theirs * times[entry] - own[entry, 0]  # of the other before the ego, centre to centre
+    ahead = (station + theirs * times[entry])[:, None] - own[:, 0]  # (n, m) of the other at its time, before the ego
+    at_entry = np.take_along_axis(ahead, entry[:, None], axis=1)[:, 0]
+    half_length = (traffic.lengths + way.vehicle.length_m) / 2
     closing_behind = np.maximum(theirs - own_speeds[entry], 0.0)
     closing_ahead = np.where(theirs < 0, own_speeds[entry] - theirs, 0.0)
-    clear = (ahead - half_length > _room(closing_ahead)) | (-ahead - half_length > _room(closing_behind))
+    clear = (at_entry - half_length > _room(closing_ahead)) | (-at_entry - half_length > _room(closing_behind))
     # Who stands still may be waiting for the ego: it goes on unless it would touch.
-    apart = np.abs((station + theirs * times[entry])[:, None] - own[:, 0]) - half_length[:, None]
-    touches = ((side_gap < TOUCH_M) & (apart < TOUCH_M)).any(axis=1)
+    touches = _touches(ahead, aside, own[:, 2], traffic=traffic, vehicle=way.vehicle)
     hindered = moved_into.any(axis=1) & np.where(np.abs(theirs) < STANDING_MPS, touches, ~clear)
     if not hindered.any():
         return None
-    return float(path_stations[entry[hindered].min()] - way.station)
+    places = _place_of_level(path_stations, side_gap, level, entry)
+    return float(places[hindered].min() - way.station)
+
+
+def _touches(
+    ahead: FloatArray, aside: FloatArray, turned: FloatArray, *, traffic: Traffic, vehicle: VehicleGeometry
+) -> BoolArray:
+    """Whether the ego comes to touch others (n,) who are so far ahead and aside (n, m) of its centre at m places.
+
+    It is turned (m,) from the road, along which they stand: of what lies beside them its nearest part counts.
+    """
+    half_length = traffic.lengths[:, None] / 2
+    towards = np.sign(aside) * np.tan(turned)  # how much nearer its side comes with each metre to the front
+    farthest = np.minimum(ahead + half_length, vehicle.length_m / 2)
+    hindmost = np.maximum(ahead - half_length, -vehicle.length_m / 2)
+    gap = np.abs(aside) - (traffic.widths[:, None] + vehicle.width_m) / 2 - np.maximum(towards * farthest, towards * hindmost)
+    return np.asarray(((gap < TOUCH_M) & (hindmost - farthest < TOUCH_M)).any(axis=1))
+
+
+def _place_of_level(stations: FloatArray, side_gap: FloatArray, level: FloatArray, entry: npt.NDArray[np.intp]) -> FloatArray:
+    """Stations (n,) at which side gaps (n, m) at `stations` (m,) fall to their levels (n,), the step before `entry` (n,).
+
+    Between the two times of a step: with whole steps the place would come nearer as the ego slows down.
+    """
+    which, before = np.arange(len(entry)), np.maximum(entry - 1, 0)
+    from_gap, to_gap = side_gap[which, before], side_gap[which, entry]
+    share = np.clip((from_gap - level) / np.maximum(from_gap - to_gap, 1e-9), 0.0, 1.0)
+    return np.asarray(stations[before] + share * (stations[entry] - stations[before]))
 
 
 def _room(closing: FloatArray) -> FloatArray:
@@ -143,3 +171,9 @@ def _in_frame(offsets: FloatArray, heading: npt.NDArray[np.float64]) -> tuple[Fl
     """Parts of offsets (..., 2) along and, positive to the left, across headings (...)."""
     cos, sin = np.cos(heading), np.sin(heading)
     return offsets[..., 0] * cos + offsets[..., 1] * sin, offsets[..., 1] * cos - offsets[..., 0] * sin
+
+
+def _half_extents(turned: FloatArray, length: FloatArray | float, width: FloatArray | float) -> tuple[FloatArray, FloatArray]:
+    """Half of what bodies take up along and across a line from which they are turned [rad]: who stands askew takes more."""
+    cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
+    return np.asarray(length * cos + width * sin) / 2, np.asarray(width * cos + length * sin) / 2
