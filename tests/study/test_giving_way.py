@@ -76,8 +76,8 @@ def test_standing_ego_looks_at_where_it_would_be_after_moving_off():
 
 @pytest.mark.parametrize(("stood_at", "waits"), [(9, False), (16, True), (19, True)])
 def test_ego_goes_on_before_who_stands_still_and_waits_only_where_it_would_touch(stood_at, waits):
-    # It comes over 12 to 15 m on; half lengths are 4.7 m together. From 9 m there are 1.3 m between the bumpers: less than is left to
-    # whoever drives, but they do not touch.
+    # It comes over 12 to 15 m on; half lengths are 4.7 m together. From 9 m there are 1.3 m between the bumpers: less than is
+    # left to whoever drives, but they do not touch.
     assert (waiting_place(way(slope=0.1), one_vehicle(stood_at, MIDDLE, speed=0.0)) is not None) == waits
 
 
