@@ -2,8 +2,8 @@
 
 python analysis/library_drives.py --first 61 --seeds 5 --traces 10 --speeds 10 zone --out results/library_drives
 
-"zone" is the posted speed. Rows are appended to rows.csv as they come, first all scenarios at one seed and speed: a study that
-was stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/library_drives.md.
+"zone" is the posted speed. Rows are appended to rows.csv as they come, first all scenarios at one seed with the first method: a
+study that was stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/library_drives.md.
 """
 
 import argparse
@@ -61,21 +61,24 @@ def main() -> None:
 
 
 def missing_drives(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
-    """The rows of each scenario, seed and speed that rows.csv does not have."""
+    """The rows of each method, seed and scenario that rows.csv does not have, at all speeds: these share fleet and map."""
     args.out.mkdir(parents=True, exist_ok=True)
     rows_file, done = args.out / "rows.csv", set()
     if rows_file.exists():
         table = pd.read_csv(rows_file, dtype={"speed": str})
-        done = set(table[["speed", "seed", "scenario"]].itertuples(index=False, name=None))
+        done = set(table[["method", "seed", "scenario", "speed"]].itertuples(index=False, name=None))
     seeds = range(args.first, args.first + args.seeds)
-    for speed, seed, name in product(args.speeds, seeds, args.scenarios):
-        if (speed, seed, name) in done:
+    for method, seed, name in product(args.methods, seeds, args.scenarios):
+        speeds = [speed for speed in args.speeds if (method, seed, name, speed) not in done]
+        if not speeds:
             continue
-        scenario = at_speed(load_scenario(LIBRARY / f"{name}.toml", seed=seed), speed, traces=args.traces)
-        cases = [StudyCase(scenario=scenario, method=method, drive=True) for method in args.methods]
+        scenario = load_scenario(LIBRARY / f"{name}.toml", seed=seed)
+        cases = [
+            StudyCase(scenario=at_speed(scenario, speed, traces=args.traces), method=method, drive=True) for speed in speeds
+        ]
         yield pd.DataFrame([
-            {"scenario": name, "seed": seed, "speed": speed, "method": case.method} | row
-            for case, row in zip(cases, drives(cases, args.out / "fleets"), strict=True)
+            {"scenario": name, "seed": seed, "speed": speed, "method": method} | row
+            for speed, row in zip(speeds, drives(cases, args.out / "fleets"), strict=True)
         ])  # fmt: skip
 
 
@@ -93,7 +96,7 @@ def at_speed(scenario: Scenario, speed: str, *, traces: int | None) -> Scenario:
 
 
 def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
-    """What is kept of each case; the simulation of its fleet, which the speeds share, is kept in a folder."""
+    """What is kept of each case; the simulation of its fleet, which methods and speeds share, is kept in a folder."""
     fleet = fleets / f"{cases[0].simulation}.parquet"
     if not fleet.exists():
         write_whole(fleet, simulate(cases[0].scenario))

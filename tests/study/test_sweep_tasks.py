@@ -51,6 +51,16 @@ def test_cases_evaluated_together_and_alone_give_the_same_rows(simulated):
     pd.testing.assert_frame_equal(pd.DataFrame(map(measured, together)), pd.DataFrame(map(measured, alone)))
 
 
+def test_cases_that_share_a_map_give_the_same_rows_as_alone(simulated):
+    factors = {"seed": [21], "planner.planned_speed_mps": [10.0, 25.0], "map.resolution_m": [0.25, 0.5]}
+    study = a_study(fixed={name: SHORT[name] for name in SHORT if name != "map.resolution_m"}, methods=("swept",), **factors)
+    together = evaluate(simulated, study.cases)
+    alone = [row for case in study.cases for row in evaluate(simulated, [case])]
+    pd.testing.assert_frame_equal(pd.DataFrame(map(measured, together)), pd.DataFrame(map(measured, alone)))
+    assert len({row["iou"] for row in together}) == 2
+    assert len({row["plan_speed_mps"] for row in together}) == 2
+
+
 def test_more_traces_than_the_fleet_gives_are_a_refused_case_and_not_a_failure(simulated):
     done, refused = rows_of(simulated, seed=[21], crowd__used=[1, 500])
     assert (done["status"], refused["status"]) == ("DONE", "REFUSED")

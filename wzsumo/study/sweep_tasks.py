@@ -21,6 +21,7 @@ import pyarrow.parquet as pq
 
 from wzsumo.ego import EgoRun
 from wzsumo.errors import InputError
+from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.fleet import summarise_fleet
 from wzsumo.metrics.traffic import measure_traffic
 from wzsumo.output import parquet_bytes
@@ -45,6 +46,8 @@ from wzsumo.study.study_case import StudyCase
 FLEET_FIGURES = (
     "n_passed", "mean_speed_activity_mps", "throughput_vph", "mean_delay_s", "max_queue_length_m", "n_hard_braking",
 )  # fmt: skip
+# Sections of a scenario that a map does not depend on, once the crowd is learned from. One that is forgotten here costs a map.
+_AFTER_MAP = frozenset({"name", "planner", "control", "plant", "map_updates", "slam"})
 _FLEET = b"fleet"  # key of the fleet's summary in the Parquet file
 _ONE_SIMULATION = threading.Lock()  # libsumo allows one a process, and a Dask worker may run several threads
 
@@ -97,6 +100,7 @@ class _Shared:
         self._passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
         self._site: tuple[str, Site] | None = None
         self._learned: tuple[str, Crowd | Baselines] | None = None
+        self._maps: dict[str, OccupancyGrid] = {}  # of that source
         self._evaluations: dict[str, dict[str, Any]] = {}  # of that source
 
     def collection_of(self, case: StudyCase) -> dict[str, Any]:
@@ -114,8 +118,18 @@ class _Shared:
         learned = self._learned_for(case)
         if case.evaluation not in self._evaluations:
             site = self._site_of(case.scenario)
-            self._evaluations[case.evaluation] = _evaluated(case, learned, self._over_zone, site)
+            grid = self._map_of(case, learned, site)
+            self._evaluations[case.evaluation] = _evaluated(case, learned, grid, self._over_zone, site)
         return self._evaluations[case.evaluation]
+
+    def _map_of(self, case: StudyCase, learned: Crowd | Baselines, site: Site) -> OccupancyGrid:
+        """The method's map, which cases share that differ in how the ego plans and drives."""
+        if isinstance(learned, Baselines):
+            return learned.maps[case.method]
+        key = case.method + case.scenario.model_dump_json(exclude=set(_AFTER_MAP))
+        if key not in self._maps:
+            self._maps = {key: map_of_zone(case.method, learned, scenario=case.scenario, site=site)}
+        return self._maps[key]
 
     def _site_of(self, scenario: Scenario) -> Site:
         key = scenario.model_dump_json(include={"road", "work_zone", "route", "map", "vehicle"})
@@ -127,7 +141,7 @@ class _Shared:
         if self._learned is None or self._learned[0] != case.source:
             baseline = case.method in BASELINE_METHODS
             learned = _baselines(case, self._site_of(case.scenario)) if baseline else self._crowd(case.scenario)
-            self._learned, self._evaluations = (case.source, learned), {}
+            self._learned, self._evaluations, self._maps = (case.source, learned), {}, {}
         return self._learned[1]
 
     def _crowd(self, scenario: Scenario) -> Crowd:
@@ -144,14 +158,15 @@ def _baselines(case: StudyCase, site: Site) -> Baselines:
     return map_baselines(SLAM_METHODS, fleet, scenario=case.scenario, site=site, progress=quiet_progress)
 
 
-def _evaluated(case: StudyCase, learned: Crowd | Baselines, over_zone: pd.DataFrame, site: Site) -> dict[str, Any]:
+def _evaluated(
+    case: StudyCase, learned: Crowd | Baselines, grid: OccupancyGrid, over_zone: pd.DataFrame, site: Site
+) -> dict[str, Any]:
     scenario, maps = case.scenario, tuple[NewMap, ...]()
     if isinstance(learned, Baselines):
-        crowd, grid, guide, slam = None, learned.maps[case.method], nominal_guide(site), learned.slam
+        crowd, guide, slam = None, nominal_guide(site), learned.slam
         plan = plan_for(case.method, grid, scenario=scenario, site=site, guide=guide)
     else:
         crowd, guide, slam = learned, crowd_guide(learned, site=site), {}
-        grid = map_of_zone(case.method, learned, scenario=scenario, site=site)
         plan = plan_to_set_out_with(case.method, grid, scenario=scenario, site=site, guide=guide)
         maps = new_maps(arriving_crowds(over_zone, scenario), case.method, scenario=scenario, site=site) if case.drive else ()
     run = _drive(plan, case, site, maps) if case.drive else None
