@@ -98,7 +98,7 @@ def _row(
     before = judge.before if which == "joined" else None
     model = fit_lane_structure(reported, spec=LaneStructureSpec(), before=before)
     asked = planned and which == "joined" and interval_s == USUAL_INTERVAL_S and (n, error_m) in PLANNED
-    return judge.row(model) | {"never_driven": judge.never_driven(true)} | (judge.planned(model) if asked else {})
+    return judge.truth.row(model) | {"never_driven": judge.never_driven(true)} | (judge.planned(model) if asked else {})
 
 
 def _table(rows: pd.DataFrame) -> pd.DataFrame:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import ndtr
 
 from wzsumo.crowd_mapping.lane_expectation import expected_lanes
 from wzsumo.crowd_mapping.lane_patterns import LanePattern, likely_patterns
@@ -17,7 +18,8 @@ from wzsumo.frames import FloatArray
 IntArray = npt.NDArray[np.int64]
 # Changes of lane: at discretion about one in 2 km; out of a closing lane one for certain, some 150 m ahead of its end.
 DISCRETION_M, MERGE_AHEAD_M = 2000.0, 150.0
-STATION_COST, MOST_COST = 1.0, 4.0  # -log chance of a station beside the lanes, and of a trace that does not belong
+STATION_COST = 1.0  # -log chance of a station beside the lanes
+MISTAKEN = (0.002, 0.02)  # least and most chance that a trace is nowhere near the lanes that it seems to drive in
 CORE_M, CORE_SPREAD = 500.0, 0.6  # median length of the closed stretch and the standard deviation of its logarithm
 PLACES = 18  # tried for either end of the closure
 FIRST_SPREAD_M = 0.5
@@ -130,7 +132,9 @@ class _Costs:
             self.log_prior = np.log(prior / prior.sum())
         driven = np.concatenate([np.zeros((*beyond.shape[:2], 1)), np.cumsum(beyond, axis=2)], axis=2)
         inside = driven[:, :, self.pairs[:, 1]] - driven[:, :, self.pairs[:, 0]]
-        cost = np.minimum(STATION_COST * (inside + beside[:, :, None]), MOST_COST)
+        most_cost = -np.log(np.clip(ndtr(-evidence.width[0] / 2 / evidence.usual_spread), *MISTAKEN))
+        cost = np.minimum(STATION_COST * (inside + beside[:, :, None]), most_cost)
+        cost += np.log(2.0) * self._changes_between_two(lanes)
         if pattern.closed:
             # The last change out of a closed lane ahead of its end was no change at discretion.
             index = np.arange(n_stations)
@@ -140,6 +144,17 @@ class _Costs:
             cost -= np.maximum(gain, 0.0)
         self.fit = np.ascontiguousarray(np.exp(-cost).transpose(0, 2, 1))  # (n, pairs, first lane)
         self.ever = np.stack([(lanes == k).any(axis=2) for k in range(pattern.n_lanes)], axis=2).astype(float)
+
+    def _changes_between_two(self, lanes: IntArray) -> FloatArray:
+        """Changes of lane (n, first lane, pairs) out of lanes that have another on either side: drivers chose between two."""
+        here, changes = lanes[:, :, :-1], np.diff(lanes, axis=2) != 0
+        inside = (here > 0) & (here < self.pattern.n_lanes - 1)
+        # Beside the closure there is one way only.
+        beside_closed = np.isin(here - 1, self.pattern.closed) | np.isin(here + 1, self.pattern.closed)
+        counted = np.concatenate([np.zeros((*here.shape[:2], 1)), np.cumsum(changes & inside & beside_closed, axis=2)], axis=2)
+        ends = np.minimum(self.pairs, here.shape[2])
+        spared = counted[:, :, ends[:, 1]] - counted[:, :, ends[:, 0]]
+        return np.asarray((changes & inside).sum(axis=2)[:, :, None] - spared)
 
 
 def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> LaneHypothesis:

@@ -6,7 +6,7 @@ import numpy as np
 
 # A lane too many is a danger, one too few is room left over: each further lane has to be 90 times as likely as not. At 2 m of
 # error three wide lanes and four narrow ones fit 100 levels alike; at 0.5 m they do not.
-LOG_FURTHER_LANE = -4.5
+LOG_FURTHER_LANE = -1.0
 MOST_OPEN, LOG_CLOSED = 4, np.log([0.3, 0.5, 0.2])  # prior of 0 to 2 closed lanes on one side: it is a work zone
 LOG_INTERIOR = np.log(0.1)  # of as many between open ones: TA-30 and TA-38 are two of the some ten lane closures of MUTCD 6P
 
