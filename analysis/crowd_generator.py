@@ -58,7 +58,15 @@ class GeneratedZone:
         back = work + self.activity
         opening = back + shift_m
         end = opening + 30.48 * self.closed_lanes
-        return {"taper": taper, "merged": merged, "shifting": shifting, "work": work, "back": back, "opening": opening, "end": end}
+        return {
+            "taper": taper,
+            "merged": merged,
+            "shifting": shifting,
+            "work": work,
+            "back": back,
+            "opening": opening,
+            "end": end,
+        }
 
     @property
     def length(self) -> float:

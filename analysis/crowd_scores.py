@@ -26,7 +26,7 @@ BIN_EDGES = np.r_[0.01, np.linspace(0, 1, 21)[1:-1], 0.99]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Truth:
-    """What is drivable: between `right` and `left` (n,) [m] at stations `s` (n,), on cells `d` (m,) [m] across; frame of a road.
+    """What is drivable: between `right` and `left` (n,) [m] at stations `s` (n,), on cells `d` (m,) across, in a road's frame.
 
     `points` (n m, 2) [m] are the cells' middles in the world.
     """

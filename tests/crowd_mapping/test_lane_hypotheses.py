@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,3 +65,29 @@ def test_likely_hypotheses_differ_and_descend():
     for i, fit in enumerate(fits):
         for other in fits[:i]:
             assert fit.pattern != other.pattern or abs(fit.right - other.right) > 1.7
+
+
+@pytest.mark.parametrize("n_open", [2, 3])
+def test_lanes_are_counted_by_the_ways_that_changes_went_where_levels_overlap(n_open):
+    # At 2 m the levels of two lanes and of three look alike; but nobody leaves an outermost lane outwards.
+    right = 0
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        first = random.integers(n_open, size=100)
+        lanes = np.repeat(first[:, None], STATIONS, axis=1)
+        for row in lanes[::2]:
+            ways = [way for way in (-1, 1) if 0 <= row[0] + way < n_open]
+            row[random.integers(10, 90) :] += random.choice(ways)
+        levels = 3.6 * first + 1.8 * random.standard_normal(100)
+        evidence = Evidence(
+            levels=levels, lanes=lanes - first[:, None], weights=np.ones(100), spacing=10.0, width=(3.6, 0.12), usual_spread=1.8
+        )
+        right += likely_hypotheses(evidence, n_open=None, least_closed=0)[0].pattern.n_open == n_open
+    assert right >= 5
+
+
+def test_two_of_ten_who_drive_all_along_beside_the_others_have_a_lane_of_their_own():
+    evidence = drivers(10, n_open=1, n_closed=0, spread=0.2, seed=6)
+    levels = evidence.levels + np.where(np.arange(10) < 2, 3.6, 0.0)
+    best = likely_hypotheses(replace(evidence, levels=levels), n_open=None, least_closed=0)[0]
+    assert best.pattern == LanePattern(2, ())

@@ -18,12 +18,12 @@ def use_of(lanes, *, interior=(), spread=0.2) -> LaneUse:
     """The use of three lanes by traces (n, stations) in known ones."""
     lanes = np.asarray(lanes, dtype=float)
     hypothesis = LaneHypothesis(
-        pattern=LanePattern(3, interior), right=0.0, right_sd=0.1, width=WIDTH, width_sd=0.1, spread=spread, closes=LEAVES,
+        pattern=LanePattern(3, interior), right=0.0, width=WIDTH, covariance=0.01 * np.eye(2), spread=spread, closes=LEAVES,
         opens=RETURNS, first=np.zeros((len(lanes), 3)), log_evidence=0.0,
     )  # fmt: skip
     levels = LaneLevels(
-        n_lanes=3, closed=(), interior=interior, closes=LEAVES, opens=RETURNS, right=0.0, right_sd=0.1, width=WIDTH,
-        width_sd=0.1, outer_width=WIDTH, outer_width_sd=0.1, spread=spread, lanes=lanes, hypothesis=hypothesis,
+        n_lanes=3, closed=(), interior=interior, closes=LEAVES, opens=RETURNS, right=0.0, width=WIDTH,
+        covariance=0.01 * np.eye(2), outer_width=WIDTH, outer_width_sd=0.1, spread=spread, lanes=lanes, hypothesis=hypothesis,
     )  # fmt: skip
     table = StationTable(stations=STATIONS, offsets=WIDTH * lanes, vehicle_ids=tuple(map(str, range(len(lanes)))), dropped=None)
     return fit_lane_use(table, np.ones(len(lanes)), levels, half_vehicle_m=0.93)

@@ -98,8 +98,9 @@ def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> tuple[Fl
     course_sd = model.path.noise_m / np.sqrt(np.maximum(np.interp(s, model.table.stations, seen), 1.0))
     right = course + levels.right - levels.width / 2
     left = right + levels.n_lanes * levels.width
-    right_sd = np.sqrt(levels.right_sd**2 + (levels.width_sd / 2) ** 2 + course_sd**2 + SIDE_SD_M**2)
-    left_sd = np.sqrt(levels.right_sd**2 + ((levels.n_lanes - 0.5) * levels.width_sd) ** 2 + course_sd**2 + SIDE_SD_M**2)
+    right_sd, left_sd = (
+        np.sqrt(levels.level_sd(edge) ** 2 + course_sd**2 + SIDE_SD_M**2) for edge in (-0.5, levels.n_lanes - 0.5)
+    )
     above_right, below_left = ndtr((d - right) / right_sd), ndtr((left - d) / left_sd)
     more_left, known_left = _beyond(model, s, (d - left) / levels.outer_width, side=1, sd=left_sd / levels.outer_width)
     more_right, known_right = _beyond(model, s, (right - d) / levels.outer_width, side=-1, sd=right_sd / levels.outer_width)

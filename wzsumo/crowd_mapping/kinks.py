@@ -4,12 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wzsumo.crowd_mapping.taper_line import merging_taper_m
 from wzsumo.frames import FloatArray
 
 RAMP_LENGTHS_M = np.arange(40.0, 261.0, 20.0)  # L/2 of MUTCD 11th ed., Table 6B-3: 3 ft at 45 mph to 14 ft at 75 mph
 WINDOW_M = 150.0  # beside the ramp, where the road itself is taken for a cubic
-LEAST_SHIFT_M = 0.6
+LEAST_SHIFT_M, MOST_SHIFT_M = 0.6, 5.0  # a lane's width and some more
 LEAST_GAIN = 0.7  # share of the squares that the cubic leaves and the ramp explains
+MOST_OFF = 1.7  # factor between a ramp's length and the manual's for its size: zones are set out by pacing, ends are blurred
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +23,11 @@ class Shift:
     size: float
 
 
-def find_shifts(stations: FloatArray, course: FloatArray) -> list[Shift]:
-    """Shifts of a course (n,) [m] at equally spaced stations (n,) [m], in order along it; none overlap."""
+def find_shifts(stations: FloatArray, course: FloatArray, *, speed_mps: float) -> list[Shift]:
+    """Shifts of a course (n,) [m] at equally spaced stations (n,) [m], in order along it; none overlap.
+
+    A shift is about as long as a shifting taper for its size at the zone's speed, L/2: what is far longer is the road's own.
+    """
     found: list[tuple[float, Shift]] = []
     for length in RAMP_LENGTHS_M:
         shapes: dict[tuple[int, int], tuple[FloatArray, FloatArray]] = {}
@@ -39,7 +44,9 @@ def find_shifts(stations: FloatArray, course: FloatArray) -> list[Shift]:
             norm = float(own @ own)
             size = float(own @ rest) / max(norm, 1e-9)
             gain = size * size * norm / max(float(rest @ rest), 1e-9)
-            if norm > 1e-3 and abs(size) >= LEAST_SHIFT_M and gain >= LEAST_GAIN:
+            usual = merging_taper_m(speed_mps, width_m=max(abs(size), LEAST_SHIFT_M)) / 2
+            as_usual = usual / MOST_OFF < length < usual * MOST_OFF
+            if norm > 1e-3 and LEAST_SHIFT_M <= abs(size) <= MOST_SHIFT_M and as_usual and gain >= LEAST_GAIN:
                 found.append((size * size * norm * gain, Shift(start=float(start), end=float(start + length), size=size)))
     found.sort(key=lambda item: -item[0])
     kept: list[Shift] = []

@@ -86,6 +86,10 @@ class _Ways:
         beyond = (whole >= levels.n_lanes) | (whole < 0)
         self.trusted = beyond[:, levels.closes : levels.opens].sum(axis=1) <= SLACK_STATIONS
         self.core = table.stations[levels.core]
+        bounded = bool(levels.closed or levels.interior)
+        last = len(table.stations) - 1
+        first_closed, last_closed = (levels.closes, levels.opens) if bounded else (0, last)
+        self.far = {1: table.stations[min(last_closed, last)], -1: -table.stations[min(first_closed, last)]}
 
     def end_of(
         self, lane: int, *, length: float, sign: int, announcement: Announcement | None, least: float
@@ -103,16 +107,13 @@ class _Ways:
         if not using.any() and announcement is None:
             return None
         users = shares[using]
-        # Shifts away from the closed side follow the last merge; shifts back come before the first return.
+        # Shifts away from the closed side follow the last merge, the first of them next; backwards so do shifts back.
         last = float(at[(users > 0.05).any(axis=0)].max()) if using.any() else -np.inf
         adjacent = lane in {-1, self.levels.n_lanes}
-        kinks = [
-            (abs(shift.size), kink)
-            for shift in self.shifts
-            if adjacent and shift.size * side * sign < 0 and (shift.start - self.core) * (shift.end - self.core) > 0
-            if last - KINK_SLACK_M < (kink := sign * (shift.start if sign > 0 else shift.end)) < sign * self.core
-        ]
+        after = max(last - KINK_SLACK_M, announcement.station if announcement else -np.inf)
+        away = [shift for shift in self.shifts if adjacent and shift.size * side * sign < 0]
+        kinks = [kink for shift in away if after < (kink := sign * (shift.start if sign > 0 else shift.end)) < self.far[sign]]
         return fit_taper_line(
-            at, users, length=length, half_vehicle=self.half_vehicle, kink=max(kinks)[1] if kinks else None,
+            at, users, length=length, half_vehicle=self.half_vehicle, kink=min(kinks, default=None),
             announcement=announcement,
         )  # fmt: skip

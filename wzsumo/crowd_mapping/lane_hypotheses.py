@@ -54,9 +54,8 @@ class LaneHypothesis:
 
     pattern: LanePattern
     right: float
-    right_sd: float
     width: float
-    width_sd: float
+    covariance: FloatArray  # (2, 2) [m^2] of right and width
     spread: float
     closes: int
     opens: int
@@ -181,16 +180,14 @@ def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> 
         spread = _spread_of(square, max(n - 1, 0.5), usual=evidence.usual_spread)
         if posterior - before < SETTLED:
             break
-    covariance = np.linalg.inv(normal)
     closes, opens = costs.pairs[int(np.argmax(pair_chance))]
     # Free parameters by Schwarz' criterion; the width's prior and the closure's places are integrated already.
     penalty = 0.5 * n_lanes * np.log(max(n, 2.0))
     users = np.einsum("nf,n,nfk->k", first, weights, costs.ever)
     unused = users.min() < LEAST_USERS * min(1.0, n)
     return LaneHypothesis(
-        pattern=costs.pattern, right=float(right), right_sd=float(np.sqrt(covariance[0, 0])),
-        width=float(width), width_sd=float(np.sqrt(covariance[1, 1])), spread=spread, closes=int(closes), opens=int(opens),
-        first=first,
+        pattern=costs.pattern, right=float(right), width=float(width), covariance=np.asarray(np.linalg.inv(normal), dtype=float),
+        spread=spread, closes=int(closes), opens=int(opens), first=first,
         log_evidence=-np.inf if unused and iterations > 2 else posterior - penalty + costs.pattern.log_prior,
     )  # fmt: skip
 

@@ -33,14 +33,23 @@ class LaneLevels:
     closes: int
     opens: int
     right: float
-    right_sd: float
     width: float
-    width_sd: float
+    covariance: FloatArray  # (2, 2) [m^2] of right and width
     outer_width: float  # of the lanes beside the open ones
     outer_width_sd: float
     spread: float
     lanes: FloatArray
     hypothesis: LaneHypothesis  # behind it, in the mirror where the closed side is the right
+
+    def level_sd(self, lane: float) -> float:
+        """Standard deviation [m] of a lane's level; -1/2 is the right edge of all open ones."""
+        place = np.array([1.0, lane])
+        return float(np.sqrt(place @ self.covariance @ place))
+
+    @property
+    def width_sd(self) -> float:
+        """Standard deviation [m] of the width."""
+        return float(np.sqrt(self.covariance[1, 1]))
 
     @property
     def core(self) -> int:
@@ -92,18 +101,15 @@ def _evidence(path: CommonPath, weights: FloatArray, outer: tuple[float, float],
 
 def _levels(path: CommonPath, fit: LaneHypothesis, outer: tuple[float, float], *, side: int) -> LaneLevels:
     first = fit.first.argmax(axis=1)
-    pattern, right = fit.pattern, fit.right
+    pattern, right, covariance = fit.pattern, fit.right, fit.covariance
     k = pattern.n_lanes if pattern.is_interior else pattern.n_open
     if side < 0:
         first, right = k - 1 - first, -(fit.right + (k - 1) * fit.width)
+        mirror = np.array([[-1.0, 1.0 - k], [0.0, 1.0]])
+        covariance = mirror @ covariance @ mirror.T
     beside = () if pattern.is_interior else pattern.closed if side > 0 else tuple(range(-len(pattern.closed), 0))
     return LaneLevels(
         n_lanes=k, closed=beside, interior=pattern.closed if pattern.is_interior else (), closes=fit.closes, opens=fit.opens,
-        right=right, right_sd=_right_sd(fit, side=side), width=fit.width, width_sd=fit.width_sd, outer_width=outer[0],
+        right=right, width=fit.width, covariance=covariance, outer_width=outer[0],
         outer_width_sd=outer[1], spread=fit.spread, lanes=first[:, None] + path.lanes, hypothesis=fit,
     )  # fmt: skip
-
-
-def _right_sd(fit: LaneHypothesis, *, side: int) -> float:
-    """Standard deviation [m] of the rightmost open lane's level; in the mirror that of the leftmost one."""
-    return fit.right_sd if side > 0 else float(np.hypot(fit.right_sd, (fit.pattern.n_open - 1) * fit.width_sd))

@@ -167,7 +167,8 @@ def _model(basis: _Basis) -> LaneStructure:
     likely = fit_lane_levels(
         basis.path, width=_width(basis.spec, basis.before), weights=basis.weights, n_lanes=basis.spec.open_lanes
     )
-    return _of_likeliest(basis, likely, shifts=tuple(find_shifts(basis.table.stations, basis.path.course)))
+    shifts = find_shifts(basis.table.stations, basis.path.course, speed_mps=basis.speed_mps)
+    return _of_likeliest(basis, likely, shifts=tuple(shifts))
 
 
 def _of_likeliest(basis: _Basis, likely: list[tuple[float, LaneLevels]], *, shifts: tuple[Shift, ...]) -> LaneStructure:

@@ -112,13 +112,14 @@ def anchored(levels: LaneLevels, path: CommonPath, table: StationTable, before: 
     if not candidates:
         return Anchor(levels=levels, first_lane=None, log_fit=-np.inf)
     centres = np.array([before.road.lane_centre(lane) + before.lane_width * middle for lane in candidates])
-    own = levels.right_sd**2 + (middle * levels.width_sd) ** 2
+    own = levels.level_sd(middle) ** 2
     best = int(np.argmin(np.abs(centres - here)))
     miss = centres[best] - here
-    share = own / (own + variance)
-    sd = float(np.sqrt(max(levels.right_sd**2 - own * share, 1e-6)))
+    # A Kalman step: what is observed is the level of the middle of the open lanes.
+    gain = levels.covariance @ np.array([1.0, middle]) / (own + variance)
+    covariance = levels.covariance - np.outer(gain, gain) * (own + variance)
     return Anchor(
-        levels=replace(levels, right=levels.right + share * miss, right_sd=sd),
+        levels=replace(levels, right=levels.right + gain[0] * miss, width=levels.width + gain[1] * miss, covariance=covariance),
         first_lane=candidates[best],
         log_fit=float(-0.5 * miss**2 / (own + variance) - 0.5 * np.log(own + variance)),
     )

@@ -9,7 +9,8 @@ from scipy.stats import exponnorm
 from wzsumo.frames import FloatArray
 from wzsumo.units import METRES_PER_FOOT, feet_from_metres, mph_from_mps
 
-GAP_PRIOR_M = 100.0  # from the last possible place of a merge to a vehicle's own, as much as one vehicle's word
+GAP_PRIOR_M, MOST_GAPS = 100.0, 4  # from the last possible place of a merge to a vehicle's own, as much as one vehicle's word
+EARLY_SHARE = 0.3  # chance that all drivers leave the lane well ahead of where the devices make them
 STATION_SD_M = 8.0  # of the place of a lane change between stations 10 m apart
 LENGTH_FACTORS, LENGTH_WEIGHTS = np.array([0.85, 1.0, 1.15]), np.array([0.25, 0.5, 0.25])  # of the taper's length
 STEP_M = 2.0
@@ -86,13 +87,14 @@ def fit_taper_line(
         return _announced_line(stations, shares, lengths, half_vehicle=half_vehicle, kink=kink, announcement=announcement)
     bounds = np.array([_bounds(stations, shares, at, half_vehicle) for at in lengths])
     low = float(bounds.min())
-    ends = np.arange(low - 4 * STATION_SD_M, max(float(bounds.max()), kink or low) + 6 * GAP_PRIOR_M, STEP_M)
+    ends = np.arange(low - 4 * STATION_SD_M, max(float(bounds.max()), kink or low) + MOST_GAPS * GAP_PRIOR_M, STEP_M)
     rows = []
     for at, each in zip(lengths, bounds, strict=True):
         last, n = each.max(), len(each)
         # The gap from the last of n vehicles to the line, when gaps are exponential, is exponential with an n-th of the mean.
         scale = (GAP_PRIOR_M + (last - each).sum()) / n / n
-        belief = _shifted_exponential(ends - last, scale)
+        late, early = (_shifted_exponential(ends - last, mean) for mean in (scale, scale + GAP_PRIOR_M))
+        belief = (1 - EARLY_SHARE) * late + EARLY_SHARE * early
         if kink is not None:
             belief = belief * _ahead_of_kink(kink - ends, at)
         rows.append(belief / max(belief.sum(), 1e-300) if belief.sum() > 0 else _nearest(ends, last))
