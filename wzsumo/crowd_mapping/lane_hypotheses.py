@@ -186,7 +186,7 @@ def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> 
     users = np.einsum("nf,n,nfk->k", first, weights, costs.ever)
     unused = users.min() < LEAST_USERS * min(1.0, n)
     return LaneHypothesis(
-        pattern=costs.pattern, right=float(right), width=float(width), covariance=np.asarray(np.linalg.inv(normal), dtype=float),
+        pattern=costs.pattern, right=float(right), width=float(width), covariance=np.asarray(np.linalg.inv(normal)),
         spread=spread, closes=int(closes), opens=int(opens), first=first,
         log_evidence=-np.inf if unused and iterations > 2 else posterior - penalty + costs.pattern.log_prior,
     )  # fmt: skip
