@@ -18,7 +18,7 @@ from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray, arc_length, wrap_angle
 from wzsumo.road_projection import MitredLine, mitred_line, project
 from wzsumo.spec import Spec
-from wzsumo.units import METRES_PER_FOOT
+from wzsumo.units import METRES_PER_FOOT, feet_from_metres
 
 MAX_CHORD_ERROR_M = 0.005  # between an arc and the polyline that stands for it: a tenth of the finest map cell
 
@@ -61,8 +61,9 @@ class Road:
         if turn.size and (turn * reach > step).any():
             tightest = float(np.min(step[turn > 0] / turn[turn > 0]))
             raise SpecError(
-                f"the road bends with a radius of {tightest:.1f} m at its reference line, less than its pavement reaches to "
-                f"one side ({reach:.1f} m); use a larger radius or finer points"
+                f"the road bends with a radius of {tightest:.1f} m ({feet_from_metres(tightest):.0f} ft) at its reference line "
+                f"and its pavement reaches {reach:.1f} m to one side of that; bend it with more than {reach:.2f} m "
+                f"({feet_from_metres(reach):.1f} ft), or give finer points if it does not bend so sharply"
             )
 
     @cached_property

@@ -52,7 +52,7 @@ def test_lanes_are_counted_from_the_right():
 
 
 def test_bend_tighter_than_the_pavement_is_refused_with_both_numbers():
-    with pytest.raises(SpecError, match=r"radius of \d.*pavement reaches.*9\.1 m.*larger radius"):
+    with pytest.raises(SpecError, match=r"7\.6 m \(25 ft\).*reaches 9\.1 m.*more than 9\.14 m \(30\.0 ft\)"):
         paper_road(length_ft=None, alignment=(Bend(length_ft=60, radius_ft=25),))
 
 

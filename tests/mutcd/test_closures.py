@@ -179,6 +179,9 @@ def refusal(road=None, **changes):
             ["closed_lanes = [0]", "no shift"],
         ),
         ({"lane_count": 1}, {"closed_lanes": (0,), "closed_shoulder": None}, ["at least one", "one_lane_two_way"]),
+        ({}, {"closed_lanes": (2, 2)}, ["closed_lanes=(2, 2)", "twice", "[2]"]),
+        # 240 + 720 + 360 + 360 + 570 + 650 + 360 + 100 ft
+        ({}, {"device_gaps_ft": ((300, 3400),)}, ["[300, 3400]", "beyond the zone", "3360 ft long"]),
     ],
 )
 def test_zone_that_its_road_has_no_lanes_for_is_refused_with_the_numbers(road, zone, says):

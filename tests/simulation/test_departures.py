@@ -41,6 +41,11 @@ def test_uneven_lane_use_is_refused_at_a_flow_that_even_lanes_would_take():
         check(flow_vph=3000, lane_use=(0.8, 0.1, 0.1))
 
 
+def test_lane_use_of_another_number_of_lanes_is_refused_with_both():
+    with pytest.raises(SpecError, match=r"lane_use=\(0\.5, 0\.5\) has 2 shares, the road lane_count=3"):
+        check(lane_use=(0.5, 0.5))
+
+
 def test_greatest_flow_of_a_profile_decides():
     with pytest.raises(SpecError, match="flow_profile=7000"):
         check(flow_profile=((0, 500), (60, 7000), (120, 500)))

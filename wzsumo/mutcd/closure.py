@@ -93,6 +93,8 @@ def closure_of(work_zone: WorkZone, road: Road) -> Closure:
     lanes, count = sorted(set(work_zone.closed_lanes)), road.own_lanes
     if lanes and not 0 <= lanes[0] <= lanes[-1] < count:
         raise SpecError(f"closed_lanes={tuple(lanes)} must be lanes of the road, 0..{count - 1} (0 = rightmost)")
+    if len(lanes) < len(work_zone.closed_lanes):
+        raise SpecError(f"closed_lanes={work_zone.closed_lanes} names a lane twice; give each once: {lanes}")
     if work_zone.one_lane_two_way:
         return _taking_turns(work_zone, road, lanes)
     if len(lanes) == count:

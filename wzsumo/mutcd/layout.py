@@ -24,6 +24,7 @@ def lay_out(work_zone: WorkZone, road: Road) -> WorkZoneLayout:
     begin, stretches = stretches_of(work_zone, closure)
     stations = work_zone.start_ft * METRES_PER_FOOT + np.cumsum([0.0, *(stretch.length for stretch in stretches)])
     _refuse_beyond_the_road(float(stations[-1]), road, stretches)
+    _refuse_gaps_beyond_the_zone(work_zone, float(stations[-1] - stations[0]))
     areas = tuple(
         Area(name=stretch.name, start=float(start), end=float(end))
         for stretch, start, end in zip(stretches, stations[:-1], stations[1:], strict=True)
@@ -121,3 +122,12 @@ def _refuse_beyond_the_road(end: float, road: Road, stretches: tuple[Stretch, ..
             f"{feet_from_metres(road.length):.0f} ft; lengthen the road by {feet_from_metres(end - road.length):.0f} ft, "
             "or start the zone earlier, or shorten work_length_ft"
         )
+
+
+def _refuse_gaps_beyond_the_zone(work_zone: WorkZone, length: float) -> None:
+    for start, end in work_zone.device_gaps_ft:
+        if end > feet_from_metres(length) + 1e-6:
+            raise SpecError(
+                f"device_gaps_ft: [{start:g}, {end:g}] ends beyond the zone, which is {feet_from_metres(length):.0f} ft long; "
+                "count from start_ft on and end at most there"
+            )

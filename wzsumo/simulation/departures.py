@@ -13,7 +13,15 @@ DEPARTING_SHARE = 0.7
 
 
 def check_departures(spec: DemandSpec, *, n_lanes: int, n_opposing: int, speed: float) -> None:
-    """Raise SpecError where more vehicles are due than can depart on the lanes of their direction at `speed` [m/s]."""
+    """Raise SpecError where more vehicles are due than can depart on the lanes of their direction at `speed` [m/s].
+
+    So too where `lane_use` is of another number of lanes.
+    """
+    if spec.lane_use and len(spec.lane_use) != n_lanes:
+        raise SpecError(
+            f"simulation.demand.lane_use={spec.lane_use} has {len(spec.lane_use)} shares, the road lane_count={n_lanes}; give "
+            "one a lane, from the right"
+        )
     flows = [flow for _, flow in spec.flow_profile] or [spec.flow_vph]
     key = "flow_profile" if spec.flow_profile else "flow_vph"
     _check(max(flows), key, _shares(spec, n_lanes), spec=spec, speed=speed)
