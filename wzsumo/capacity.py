@@ -55,11 +55,10 @@ def zone_capacity(
 
     Source: HCM 7, Eq. 10-7 to 10-12 (zone) and 12-6 (capacity without one).
     """
-    _refuse_other_roads(total_lanes, open_lanes)
+    discharge = zone_queue_discharge_pcphpl(total_lanes=total_lanes, open_lanes=open_lanes, site=site)
     ffs = _normal_free_flow_speed_mph(posted_speed_mph, site)
     normal_capacity = min(2200 + 10 * (ffs - 50), 2400.0)
     severity = lane_closure_severity_index(total_lanes=total_lanes, open_lanes=open_lanes)
-    discharge = queue_discharge_rate(severity=severity, site=site)
     # Neither the zone's capacity nor its free-flow speed may exceed what the road has without it (ibid.).
     capacity = min(discharge / (1 - QUEUE_DISCHARGE_DROP), normal_capacity)
     zone_ffs = min(_zone_free_flow_speed_mph(posted_speed_mph, severity=severity, site=site), ffs)
@@ -77,6 +76,13 @@ def zone_capacity(
         queue_discharge_all_lanes_vph=discharge * factor * open_lanes,
         capacity_all_lanes_vph=capacity * factor * open_lanes,
     )
+
+
+def zone_queue_discharge_pcphpl(*, total_lanes: int, open_lanes: int, site: SiteSpec) -> float:
+    """Flow [pc/h/lane] out of a queue at a zone on a freeway with `total_lanes` a direction. Raises SpecError as above."""
+    _refuse_other_roads(total_lanes, open_lanes)
+    severity = lane_closure_severity_index(total_lanes=total_lanes, open_lanes=open_lanes)
+    return queue_discharge_rate(severity=severity, site=site)
 
 
 def lane_closure_severity_index(*, total_lanes: int, open_lanes: int) -> float:

@@ -128,17 +128,12 @@ def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower,
     assert slow.truck_tau_s > fast.truck_tau_s
 
 
-@pytest.mark.parametrize("discharge", [1412.0, 1591.0, 1783.5])
-def test_time_gap_leaves_a_queue_the_headway_of_its_discharge_and_a_truck_that_of_two_cars(discharge):
-    drivers, headway_s = hcm_drivers(discharge), 3600 / discharge
-    assert drivers.tau_s == pytest.approx(headway_s - 0.78, abs=1e-3)  # the rest of a headway: docs/traffic_calibration.md
-    assert drivers.truck_tau_s == pytest.approx(2 * headway_s - 1.22, abs=1e-3)  # HCM 7, E_T = 2 on level terrain
-
-
-@pytest.mark.parametrize("discharge", [1353, 1411, 1822])
-def test_discharge_beyond_what_drivers_were_fitted_to_is_refused_with_the_range(discharge):
-    with pytest.raises(SpecError, match=rf"discharge {discharge} pc/h and lane, .* 1412 to 1784 .*drivers = .uncalibrated"):
-        hcm_drivers(discharge)
+@pytest.mark.parametrize(("discharge", "total", "still_open"), [(1412.0, 3, 1), (1591.0, 2, 1), (1978.0, 3, 2)])
+def test_time_gap_moves_one_to_one_with_the_headway_and_a_trucks_with_that_of_two_cars(discharge, total, still_open):
+    drivers, slower = (hcm_drivers(flow, total_lanes=total, open_lanes=still_open) for flow in (discharge, discharge - 100))
+    longer_s = 3600 / (discharge - 100) - 3600 / discharge
+    assert slower.tau_s - drivers.tau_s == pytest.approx(longer_s, abs=2e-3)
+    assert slower.truck_tau_s - drivers.truck_tau_s == pytest.approx(2 * longer_s, abs=2e-3)  # HCM 7, E_T = 2 on level terrain
 
 
 def test_demand_whose_drivers_only_the_zone_decides_is_not_written_without_one(tmp_path):

@@ -50,19 +50,22 @@ def straight_trace_file(path):
         ({"used": "used = 31"}, ["crowd.used=31", "crowd.collected=30"]),
         ({"start_lane": "start_lane = 3"}, ["route.start_lane=3", "0..2"]),
         (
-            {"step_length_s": "step_length_s = 0.5", "truck_share": 'drivers = "hcm_2_to_1_urban"'},
+            {"step_length_s": "step_length_s = 0.5", "drivers": 'drivers = "hcm_2_to_1_urban"'},
             ["step_length_s=0.5 does not go with", "step_length_s=0.1", 'drivers = "uncalibrated"'],
         ),
         (
-            {"step_length_s": "step_length_s = 0.5", "truck_share": 'drivers = "hcm"'},
+            {"step_length_s": "step_length_s = 0.5"},
             ["step_length_s=0.5", 'with drivers "hcm"'],
         ),
         (
-            {"closed_lanes": "closed_lanes = []", "truck_share": 'drivers = "hcm"'},
-            ['demand.drivers="hcm"', "discharge 1848 pc/h and lane", "1412 to 1784"],  # 2093 - 154/3 - 194
+            {"posted_speed_mph": 'posted_speed_mph = 60\nroad_type = "rural"'},
+            ['demand.drivers="hcm"', 'road_type="rural"', "of freeways", 'drivers = "uncalibrated"'],
         ),
         ({"duration_s": "duration_s = 120"}, ["demand.warm_up_s=120", "shorter than duration_s=120"]),
-        ({"flow_vph": "flow_vph = 9000"}, ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 5291 veh/h"]),
+        (
+            {"flow_vph": "flow_vph = 9000", "drivers": 'drivers = "uncalibrated"'},
+            ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 5291 veh/h"],
+        ),
         ({"length_ft": "length_ft = 4000"}, ["the zone ends at", "lengthen the road by 860 ft"]),
     ],
 )

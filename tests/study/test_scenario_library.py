@@ -61,13 +61,28 @@ def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_p
     assert sum(poly.get("id").startswith("device") for poly in drawn.findall("poly")) == len(layout.devices)
 
 
-@pytest.mark.parametrize("name", ["right_lane", "left_lane", "double_closure", "confusing"])
-def test_scenario_of_a_fitted_class_drives_with_the_drivers_of_that_class_and_keeps_their_name(name):
+FITTED = {
+    "hcm_2_to_1_urban": ("right_lane", "left_lane", "confusing"),  # 1591 pc/h and lane
+    "hcm_3_to_1_urban": ("double_closure", "paper_single_lane"),  # 1591
+    "hcm_3_to_2_urban": ("paper", "paper_bend_300m", "paper_bend_900m", "interior_lane"),  # 1783.5
+}
+
+
+@pytest.mark.parametrize(("preset", "name"), [(preset, name) for preset, names in FITTED.items() for name in names])
+def test_scenario_of_a_fitted_class_drives_with_the_drivers_of_that_class_and_keeps_their_name(preset, name):
     scenario = load_scenario(LIBRARY[0].parent / f"{name}.toml")
     drivers = scenario.zone_simulation().demand.drivers
-    fitted = DRIVER_PRESETS["hcm_2_to_1_urban"]  # one lane stays open in all of them: 1591 pc/h and lane
-    assert drivers == fitted.model_copy(update={"name": "hcm"})
+    assert drivers == DRIVER_PRESETS[preset].model_copy(update={"name": "hcm"})
     assert scenario.model_dump(mode="json")["simulation"]["demand"]["drivers"] == "hcm"
+
+
+def test_barrier_instead_of_drums_shortens_the_time_gap_by_what_it_takes_off_the_headway():
+    beside_drums, beside_wall = (
+        load_scenario(LIBRARY[0].parent / f"{name}.toml").zone_simulation().demand.drivers
+        for name in ("right_lane", "right_lane_barrier")
+    )
+    # HCM 7, Eq. 10-8: f_Br takes 194 pc/h from 1785.
+    assert beside_drums.tau_s - beside_wall.tau_s == pytest.approx(3600 / 1591 - 3600 / 1785, abs=2e-3)
 
 
 @pytest.mark.parametrize("bend", ["paper_bend_300m", "paper_bend_900m"])

@@ -4,10 +4,12 @@ A fit holds for the step length and the lateral resolution that it was made with
 moves the queue discharge by 9 %, the sublane model by 37 % (SUMO 1.28). Fitted drivers therefore name both.
 """
 
+from dataclasses import dataclass
+from typing import Literal
+
 from pydantic import Field
 
-from wzsumo.capacity import TRUCK_EQUIVALENT_PC, SiteSpec, lane_closure_severity_index, queue_discharge_rate
-from wzsumo.errors import SpecError
+from wzsumo.capacity import TRUCK_EQUIVALENT_PC, SiteSpec, zone_queue_discharge_pcphpl
 from wzsumo.spec import Spec
 
 
@@ -31,41 +33,45 @@ class DriverSpec(Spec):
 UNCALIBRATED = DriverSpec(name="uncalibrated")
 # Who drives is decided by what the HCM lets the scenario's zone discharge: `hcm_drivers` makes them of that.
 BY_THE_HCM = DriverSpec(name="hcm", calibrated_step_length_s=0.1, calibrated_lateral_resolution_m=0.45)
-# What the rule below was fitted and tested between, pc/h and lane: one lane open in a rural zone, two of three in an urban one.
-HCM_DISCHARGE_PCPHPL = (1412.0, 1783.5)
-# Of the mean headway in which a queue discharges, what is not the driver's own time gap: vehicle and standing gap at the speed
-# of the bottleneck, acceleration, dawdling. Fitted by hand; docs/traffic_calibration.md has on what, and how well it holds.
-_CAR_REST_S, _TRUCK_REST_S = 0.78, 1.22
 
 
-def hcm_drivers(discharge_pcphpl: float, *, name: str = BY_THE_HCM.name) -> DriverSpec:
-    """Drivers of whom a queue discharges so many passenger cars an hour and lane through a zone [pc/h/lane].
+@dataclass(frozen=True, kw_only=True)
+class _Rest:
+    """Of the mean headway in which a queue discharges, what is not the driver's own time gap [s], and how cars accelerate.
 
-    Raises SpecError where that lies beyond what was fitted.
+    It is the vehicle and its standing gap at the speed of the bottleneck, acceleration, dawdling. Low accelerations make the
+    capacity drop: what a queue discharges falls with them, what passes before there is one does not. Fitted by hand;
+    docs/traffic_calibration.md has on what, and how well it holds.
     """
-    low, high = HCM_DISCHARGE_PCPHPL
-    if not low <= discharge_pcphpl <= high:
-        raise SpecError(
-            f"the HCM lets this zone discharge {discharge_pcphpl:.0f} pc/h and lane, and drivers are fitted to "
-            f"{low:.0f} to {high:.0f} (one lane open of two or three, or two of three, by day, behind cones or drums); give "
-            f'drivers = "{UNCALIBRATED.name}", one of {", ".join(_CLASSES)}, or a table of your own'
-        )
+
+    car_s: float
+    accel_mps2: float
+
+
+_TWO_INTO_ONE = _Rest(car_s=0.80, accel_mps2=1.05)
+_MORE_INTO_ONE = _Rest(car_s=1.02, accel_mps2=0.75)
+_INTO_MORE = _Rest(car_s=1.02, accel_mps2=0.65)
+_TRUCK_REST_S, _TRUCK_ACCEL_MPS2 = 1.22, 0.7  # fitted in one class, 2-to-1 urban, ibid.
+
+
+def hcm_drivers(discharge_pcphpl: float, *, total_lanes: int, open_lanes: int, name: str = BY_THE_HCM.name) -> DriverSpec:
+    """Drivers of whom a queue discharges so many passenger cars an hour and lane [pc/h/lane] past a closure."""
+    into_one = _TWO_INTO_ONE if total_lanes == 2 else _MORE_INTO_ONE
+    rest = into_one if open_lanes == 1 else _INTO_MORE
     headway_s = 3600 / discharge_pcphpl
     fitted = {
-        "name": name, "tau_s": round(headway_s - _CAR_REST_S, 3), "accel_mps2": 1.05,
-        "truck_tau_s": round(TRUCK_EQUIVALENT_PC * headway_s - _TRUCK_REST_S, 3), "truck_accel_mps2": 0.7,
+        "name": name, "tau_s": round(headway_s - rest.car_s, 3), "accel_mps2": rest.accel_mps2,
+        "truck_tau_s": round(TRUCK_EQUIVALENT_PC * headway_s - _TRUCK_REST_S, 3), "truck_accel_mps2": _TRUCK_ACCEL_MPS2,
         "lc_assertive": 1.3, "lc_lookahead_left": 1.0,
     }  # fmt: skip
     return BY_THE_HCM.model_copy(update=fitted)
 
 
-_CLASSES = {
-    f"hcm_{total}_to_{open_}_{area}": queue_discharge_rate(
-        severity=lane_closure_severity_index(total_lanes=total, open_lanes=open_), site=SiteSpec.model_validate({"area": area})
-    )
-    for total, open_ in ((2, 1), (3, 2), (3, 1))
-    for area in ("urban", "rural")
-}
-DRIVER_PRESETS = {drivers.name: drivers for drivers in (UNCALIBRATED, BY_THE_HCM)} | {
-    name: hcm_drivers(rate, name=name) for name, rate in _CLASSES.items()
-}
+def _class_drivers(total: int, open_lanes: int, area: Literal["urban", "rural"]) -> DriverSpec:
+    rate = zone_queue_discharge_pcphpl(total_lanes=total, open_lanes=open_lanes, site=SiteSpec(area=area))
+    return hcm_drivers(rate, total_lanes=total, open_lanes=open_lanes, name=f"hcm_{total}_to_{open_lanes}_{area}")
+
+
+_AREAS: tuple[Literal["urban", "rural"], ...] = ("urban", "rural")
+_CLASSES = [_class_drivers(total, open_, area) for total, open_ in ((2, 1), (3, 2), (3, 1)) for area in _AREAS]
+DRIVER_PRESETS = {drivers.name: drivers for drivers in (UNCALIBRATED, BY_THE_HCM, *_CLASSES)}

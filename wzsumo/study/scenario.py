@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from wzsumo.capacity import SiteSpec, ZoneCapacity, zone_capacity
+from wzsumo.capacity import SiteSpec, ZoneCapacity, zone_capacity, zone_queue_discharge_pcphpl
 from wzsumo.control.controller import ControlSpec
 from wzsumo.control.plant import PlantSpec
 from wzsumo.crowd_mapping.drivable_area import MixtureSpec
@@ -16,14 +16,14 @@ from wzsumo.planning.plan import PlannerSpec
 from wzsumo.road import Road, RoadSpec
 from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.departures import check_departures
-from wzsumo.simulation.drivers import BY_THE_HCM, hcm_drivers
+from wzsumo.simulation.drivers import BY_THE_HCM, UNCALIBRATED, hcm_drivers
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.spec import Spec, parse_spec, read_toml
 from wzsumo.study.map_updates_spec import MapUpdatesSpec
 from wzsumo.study.slam_spec import SlamSpec
 from wzsumo.units import mps_from_mph
 from wzsumo.vehicle import VehicleGeometry
-from wzsumo.work_zone import DeviceKind, WorkZone, WorkZoneLayout
+from wzsumo.work_zone import DeviceKind, RoadType, WorkZone, WorkZoneLayout
 
 Pose = tuple[float, float, float]
 
@@ -80,6 +80,28 @@ class Scenario(Spec):
 
     def capacity(self) -> ZoneCapacity:
         """What the HCM makes of the zone. Raises SpecError where its model does not hold."""
+        posted_mph, truck_share = self.work_zone.posted_speed_mph, self.simulation.demand.truck_share
+        return zone_capacity(**self._as_the_hcm_asks(), posted_speed_mph=posted_mph, truck_share=truck_share)
+
+    def zone_simulation(self) -> SimulationSpec:
+        """`simulation` with the drivers that "hcm" stands for in this zone. Raises SpecError where the HCM has none."""
+        if self.simulation.demand.drivers != BY_THE_HCM:
+            return self.simulation
+        try:
+            if self.work_zone.road_type is not RoadType.FREEWAY:
+                raise SpecError(f'road_type="{self.work_zone.road_type}": the HCM\'s work-zone model is of freeways')
+            zone = self._as_the_hcm_asks()
+            rate = zone_queue_discharge_pcphpl(**zone)
+            drivers = hcm_drivers(rate, total_lanes=zone["total_lanes"], open_lanes=zone["open_lanes"])
+        except SpecError as error:
+            raise SpecError(
+                f'simulation.demand.drivers="{BY_THE_HCM.name}": {error}; give drivers = "{UNCALIBRATED.name}" or a table of '
+                "your own"
+            ) from None
+        demand = self.simulation.demand.model_copy(update={"drivers": drivers})
+        return self.simulation.model_copy(update={"demand": demand})
+
+    def _as_the_hcm_asks(self) -> dict[str, Any]:
         zone = self.work_zone
         if zone.one_lane_two_way:
             raise SpecError(
@@ -88,24 +110,8 @@ class Scenario(Spec):
             )
         walled = (zone.work_space_device or zone.device) is DeviceKind.BARRIER
         site = self.site if self.site.barrier else self.site.model_copy(update={"barrier": "hard" if walled else "soft"})
-        return zone_capacity(
-            total_lanes=self.road.lane_count,
-            open_lanes=self.road.lane_count - len(set(zone.closed_lanes)),
-            posted_speed_mph=zone.posted_speed_mph,
-            truck_share=self.simulation.demand.truck_share,
-            site=site,
-        )
-
-    def zone_simulation(self) -> SimulationSpec:
-        """`simulation` with the drivers that "hcm" stands for in this zone. Raises SpecError where none are fitted to it."""
-        if self.simulation.demand.drivers != BY_THE_HCM:
-            return self.simulation
-        try:
-            drivers = hcm_drivers(self.capacity().queue_discharge_pcphpl)
-        except SpecError as error:
-            raise SpecError(f'simulation.demand.drivers="{BY_THE_HCM.name}": {error}') from None
-        demand = self.simulation.demand.model_copy(update={"drivers": drivers})
-        return self.simulation.model_copy(update={"demand": demand})
+        total = self.road.lane_count
+        return {"total_lanes": total, "open_lanes": total - len(set(zone.closed_lanes)), "site": site}
 
     def start_and_goal(self, layout: WorkZoneLayout) -> tuple[Pose, Pose]:
         """Rear-axle poses (x, y, heading) of start and goal. Raises SpecError where they are not on the road."""
