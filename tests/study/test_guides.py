@@ -1,10 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from builders import straight_traces
 
 from wzsumo.crowd_mapping.mixture import Mixture
-from wzsumo.study.guides import bound_for, crowd_guide, nominal_guide
+from wzsumo.planning.plan import plan_path
+from wzsumo.study import map_and_plan
+from wzsumo.study.guides import bound_for, guides_for, nominal_guide
 from wzsumo.study.mapping_methods import Crowd
 from wzsumo.study.scenario import load_scenario
 from wzsumo.study.site import prepare_site
@@ -30,7 +34,7 @@ def crowd_of(traces, stretches):
 
 def inner_lines(crowd, site):
     """What the crowd adds to the nominal guide: x of both ends and y of each line."""
-    found = crowd_guide(crowd, site=site)
+    found = guides_for(crowd, site=site)[0]
     nominal = len(nominal_guide(site))
     return sorted(
         (round(line[:, 0].min()), round(line[:, 0].max()), round(float(line[:, 1].mean()), 2)) for line in found[nominal:]
@@ -64,3 +68,26 @@ def test_all_lines_are_a_guide_where_nobody_went_to_the_goals_lane(site):
 def test_lane_that_a_trace_ends_in_is_told_by_its_last_stretch_alone(site):
     traces = pd.concat([straight_traces([RIGHT, MIDDLE]), changing(60, start=MIDDLE, end=RIGHT)])
     assert set(bound_for((100.0, RIGHT), traces, road=site.layout.road)["vehicle_id"]) == {"v000", "changer"}
+
+
+def test_lines_of_all_come_second(site):
+    crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
+    guides = guides_for(crowd, site=site)
+    assert len(guides) == 2
+    assert len(guides[1]) == len(nominal_guide(site)) + len(STRETCHES)
+
+
+def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(site, monkeypatch):
+    scenario, found = load_scenario("scenarios/paper.toml"), []
+    free = site.cells.with_p_occupied(np.zeros(site.cells.shape))
+
+    def plan_without_the_first(grid, **given):
+        plan = plan_path(grid, **given)
+        found.append(plan)
+        return replace(plan, path=None) if len(found) == 1 else plan
+
+    monkeypatch.setattr(map_and_plan, "plan_path", plan_without_the_first)
+    plan = map_and_plan.plan_for("lanes", free, scenario=scenario, site=site, guides=[nominal_guide(site)] * 3)
+    assert len(found) == 2
+    assert plan.path is found[1].path
+    assert plan.timings_ms["total"] == pytest.approx(sum(each.timings_ms["total"] for each in found))

@@ -19,20 +19,25 @@ from wzsumo.study.site import Site
 
 AT_THE_END_M = 30.0  # over the last stretch of a trace the lane is told that it ended in
 LEAST_DRIVEN = 0.5  # of a line
-HALF_LANE_M = 1.83  # of 12 ft, AASHTO Green Book
+BESIDE_M = 0.91  # a quarter of a 12 ft lane: who changes lanes is so near to the line of another for a short way only
 LINE_STEP_M = 20.0  # on a bend of 300 m radius the chord leaves the arc by 0.17 m
 
 
-def crowd_guide(crowd: Crowd, *, site: Site) -> FloatArray:
-    """Lines (n, 2, 2) [m] for a map of the crowd: nominal lane centres outside the announced zone, driven lines inside.
+def guides_for(crowd: Crowd | None, *, site: Site) -> tuple[FloatArray, ...]:
+    """Guides, each of lines (n, 2, 2) [m], to be tried in turn on a map of the crowd, or on another map where that is None.
 
-    Of those the ones that vehicles drove who left the zone in the goal's lane; all where nobody did.
+    Outside the announced zone nominal lane centres; inside the lines that vehicles drove who left the zone in the goal's lane.
+    Where nobody did, or where these lead nowhere because the map has a gap there, the lines of all.
     """
+    nominal = nominal_guide(site)
+    if crowd is None:
+        return (nominal,)
     lines = driven_lines(crowd.mixture)
     fellows = bound_for(site.goal[:2], crowd.traces, road=site.layout.road)
-    if len(fellows):
-        lines = lines[_driven_by(fellows[["x_m", "y_m"]].to_numpy(), lines)]
-    return np.concatenate([nominal_guide(site), lines])
+    of_all = np.concatenate([nominal, lines])
+    if not len(fellows):
+        return (of_all,)
+    return np.concatenate([nominal, lines[_driven_by(fellows[["x_m", "y_m"]].to_numpy(), lines)]]), of_all
 
 
 def nominal_guide(site: Site) -> FloatArray:
@@ -64,13 +69,13 @@ def _lane_at(offset: npt.ArrayLike, road: Road) -> npt.NDArray[np.intp]:
 
 
 def _driven_by(fixes: FloatArray, lines: FloatArray) -> BoolArray:
-    """Which lines (n,) have fixes (m, 2) within half a lane beside them that span LEAST_DRIVEN of their length or more."""
+    """Which lines (n,) have fixes (m, 2) within BESIDE_M of them that span LEAST_DRIVEN of their length or more."""
     way = lines[:, 1] - lines[:, 0]
     length = np.maximum(np.hypot(*way.T), 1e-9)
     ahead = way / length[:, None]
     offset = fixes[None] - lines[:, None, 0]
     along = np.einsum("nmk,nk->nm", offset, ahead)
     across = offset[..., 1] * ahead[:, None, 0] - offset[..., 0] * ahead[:, None, 1]
-    beside = (np.abs(across) < HALF_LANE_M) & (along >= 0) & (along <= length[:, None])
+    beside = (np.abs(across) < BESIDE_M) & (along >= 0) & (along <= length[:, None])
     first, last = np.where(beside, along, np.inf).min(axis=1), np.where(beside, along, -np.inf).max(axis=1)
     return np.asarray(last - first >= LEAST_DRIVEN * length)

@@ -1,5 +1,9 @@
 """The two steps that each method takes: from the crowd to its map of the zone, and from that map to a plan."""
 
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from wzsumo.crowd_mapping.map_before import MapBefore
@@ -20,7 +24,15 @@ def map_of_zone(method: str, crowd: Crowd, *, scenario: Scenario, site: Site) ->
     return learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
 
 
-def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, guide: FloatArray) -> Plan:
-    """The plan from the site's start to its goal, by the planner that belongs to the method."""
-    spec = planner_for(method, scenario.planner)
-    return plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec, guide=guide)
+def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, guides: Sequence[FloatArray]) -> Plan:
+    """The plan from the site's start to its goal by the planner that belongs to the method, with the first guide that has one.
+
+    Its timings [ms] are those of all that were tried.
+    """
+    spec, timings = planner_for(method, scenario.planner), Counter[str]()
+    for guide in guides:
+        plan = plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec, guide=guide)
+        timings.update(plan.timings_ms)
+        if plan.path is not None:
+            break
+    return replace(plan, timings_ms=dict(timings))
