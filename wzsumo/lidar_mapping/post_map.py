@@ -19,8 +19,8 @@ from wzsumo.rigid import moved
 
 DEPTH_M = 0.05  # standard deviation of a post's middle behind what is seen of it: a third of a rail post's 0.15 m
 # The same in the map. The error is one and the same in all sightings from one side, so it must not average out: bearings
-# alone place a post, and this only holds one that was seen from one side. With 0.4 m the way still bent (seed 1).
-MAPPED_DEPTH_M = 1.0
+# alone place a post, and this only holds one that was seen from one side. Chosen among 0.4, 1 and 3 m (seeds 1, 2 and 82).
+MAPPED_DEPTH_M = 3.0
 ACROSS_M = 0.01  # of a sighting across its ray, besides the azimuth step: range noise and the car's own motion
 FEWEST_SCANS = 3  # that a post was seen in before anything is laid on it
 
