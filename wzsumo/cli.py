@@ -26,6 +26,18 @@ _TRACES = """\
 A trace file (.parquet or .csv) has one row a fix: vehicle_id, time_s, x_m, y_m (the vehicle's centre, metres of a local
 frame), and may have heading_rad, speed_mps, length_m, width_m. Free cells have p_occupied below 0.196; where nobody drove
 is unknown, not free.
+
+Traces alone leave open which lanes the road has and where they lie exactly; --road says how it was before the zone, in the
+frame of the traces. It names a scenario (its road and where its zone begins and ends count), or a file such as
+
+  [road]                       # lanes from right to left, widths in feet
+  lane_count = 2
+  left_shoulder_ft = 10
+  right_shoulder_ft = 10
+  reference_points_m = [[0.0, 3.66], [1500.0, 3.66]]     # the middle of all lanes, in the direction of travel
+  [announced]                  # first and last device, along the road
+  start_ft = 1000
+  end_ft = 3400
 """
 _STUDIES = """\
 A study file (see scenarios/studies) names base scenarios, methods, and factors: any keys of the scenario, as a grid. Cases that
@@ -79,7 +91,7 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
         "net": lambda: verbs.write_net(args.scenario, args.out),
         "run": lambda: _run_scenario_or_case(args),
         "map": lambda: verbs.map_traces(
-            args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m
+            args.traces, args.out, method=args.method, seed=args.seed, resolution_m=args.resolution_m, road=args.road
         ),
         "sweep": lambda: sweep_verbs.sweep_study(
             args.study, args.out, workers=args.workers, scheduler=args.scheduler, dry_run=args.dry_run
@@ -132,6 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     sub.add_argument("traces", type=Path, metavar="TRACES.(parquet|csv)")
     sub.add_argument("--out", type=Path, required=True, metavar="DIR")
     sub.add_argument("--method", choices=["paper_literal", "paper", "swept", "lanes"], default="lanes")
+    sub.add_argument("--road", type=Path, metavar="ROAD.toml", help="the road before the zone, to which the map is joined")
     sub.add_argument("--resolution-m", type=_positive, default=0.127, help="edge of a cell (default 0.127 m, 5 in)")
     sub.add_argument("--seed", type=_seed, default=1)
     sub = command("plan", "plan a path on any ROS map with Hybrid A*", _POSES)

@@ -1,6 +1,7 @@
 """`wzsumo map` on files as they come: each fault is handled and named, or refused in one line."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -8,6 +9,9 @@ import pytest
 
 from wzsumo.cli import main
 from wzsumo.grid import UNKNOWN, read_map
+from wzsumo.study.scenario import load_scenario
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 LENGTH_M = 400.0
 
@@ -169,3 +173,64 @@ def test_methods_share_what_is_left_out(tmp_path, capsys):
     assert reason in figures["dropped"][0]["reason"]
     assert figures["n_components"] >= 1
     assert grid.free[grid.cell_of([[200.0, 0.0]])].all()
+
+
+ROAD = """\
+[road]
+lane_count = 2
+left_shoulder_ft = 10
+right_shoulder_ft = 10
+reference_points_m = [[-50.0, 1.83], [450.0, 1.83]]
+[announced]
+start_ft = {start}
+end_ft = {end}
+"""
+
+
+def joined_map_of(capsys, tmp_path, *, start=500, end=1000, table=None, words=()):
+    """The map of vehicles in the right of two lanes, joined to a road of stations -50 m .. 450 m on the x axis."""
+    road = tmp_path / "road.toml"
+    road.write_text(ROAD.format(start=start, end=end))
+    return map_of(capsys, tmp_path, crowd() if table is None else table, "--road", str(road), *words)
+
+
+def test_map_joined_to_the_road_knows_its_lanes_outside_the_announced_zone(tmp_path, capsys):
+    code, _, _, grid = joined_map_of(capsys, tmp_path, table=crowd(speed_mps=13.0))
+    assert code == 0
+    # The zone runs from x = 102 m to 255 m; at 30 mph its tapers take 75 m and 30 m. The left lane was not driven.
+    for x, free in ((60.0, True), (205.0, False), (300.0, True)):
+        assert grid.free[grid.cell_of(np.array([[x, 0.0]]))].all()
+        assert grid.free[grid.cell_of(np.array([[x, 3.66]]))].all() == free
+
+
+def test_scenario_stands_for_its_road(tmp_path, capsys):
+    scenario = SCENARIOS / "paper.toml"
+    zone = load_scenario(scenario)
+    start = zone.layout().start
+    table = crowd().assign(x_m=lambda t: t["x_m"] + start - 100, y_m=lambda t: t["y_m"] + 1.83)
+    code, figures, _, grid = map_of(capsys, tmp_path, table, "--road", str(scenario))
+    assert code == 0
+    assert figures["closed_side"] is None  # what the scenario closes is no part of the map of before
+    assert grid.free[grid.cell_of(np.array([[start - 50, 9.0]]))].all()
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ({"start": 1000, "end": 500}, ["announced.start_ft=1000", "in this order"]),
+        ({"end": 5000}, ["announced.end_ft=5000", "1640 ft long"]),
+        ({"start": -3}, ["announced.start_ft=-3", "greater than or equal to 0"]),
+        ({"table": crowd().assign(y_m=lambda t: t["y_m"] + 3000)}, ["0 of 240 fixes", "in the road's frame"]),
+        ({"words": ("--method", "swept")}, ["--road", "the method swept makes no use"]),
+    ],
+)
+def test_road_that_does_not_fit_is_refused(tmp_path, capsys, how, said):
+    code, _, err, _ = joined_map_of(capsys, tmp_path, **how)
+    assert code == 2
+    assert all(words in err for words in said)
+
+
+def test_traces_against_the_road_are_refused_in_one_line(tmp_path, capsys):
+    code, _, err, _ = joined_map_of(capsys, tmp_path, table=crowd(reverse=True))
+    assert code == 2
+    assert "traces.csv: most vehicles drive against the road" in err

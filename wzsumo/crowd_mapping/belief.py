@@ -146,7 +146,10 @@ def _tiles_near(axis: Road, grid: OccupancyGrid) -> list[tuple[npt.NDArray[np.in
     first_rows, first_cols = np.arange(0, grid.shape[0], side), np.arange(0, grid.shape[1], side)
     middles = grid.centre_of(first_rows[:, None] + side / 2, first_cols[None, :] + side / 2).reshape(-1, 2)
     reach = CORRIDOR_M + side * grid.resolution
-    distance, _ = cKDTree(axis.reference_line).query(middles, distance_upper_bound=reach)
+    # A straight road may have a point at either end only.
+    stations = np.linspace(0.0, axis.length, int(np.ceil(axis.length / TILE_M)) + 1)
+    points = axis.to_xy(stations, np.zeros(len(stations)))
+    distance, _ = cKDTree(points).query(middles, distance_upper_bound=reach)
     return [
         (np.arange(row, min(row + side, grid.shape[0])), np.arange(col, min(col + side, grid.shape[1])))
         for row, col in (

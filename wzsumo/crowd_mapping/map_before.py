@@ -119,7 +119,12 @@ def anchored(levels: LaneLevels, path: CommonPath, table: StationTable, before: 
     gain = levels.covariance @ np.array([1.0, middle]) / (own + variance)
     covariance = levels.covariance - np.outer(gain, gain) * (own + variance)
     return Anchor(
-        levels=replace(levels, right=levels.right + gain[0] * miss, width=levels.width + gain[1] * miss, covariance=covariance),
+        levels=replace(
+            levels,
+            right=float(levels.right + gain[0] * miss),
+            width=float(levels.width + gain[1] * miss),
+            covariance=covariance,
+        ),
         first_lane=candidates[best],
         log_fit=float(-0.5 * miss**2 / (own + variance) - 0.5 * np.log(own + variance)),
     )

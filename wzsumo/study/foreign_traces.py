@@ -9,12 +9,14 @@ import pandas as pd
 
 from wzsumo.crowd_mapping.drivable_area import MixtureSpec
 from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.crowd_mapping.usable_traces import usable_traces
 from wzsumo.errors import InputError
 from wzsumo.grid import OccupancyGrid, blank_grid, write_map
 from wzsumo.output import staged_folder
 from wzsumo.study.case import Progress
 from wzsumo.study.mapping_methods import MAP_METHODS, learn_from
+from wzsumo.study.road_before import check_on_road, read_map_before, with_road_outside
 from wzsumo.traces_file import read_fixes
 from wzsumo.vehicle import VehicleGeometry
 
@@ -25,19 +27,25 @@ TOLD_DROPS = 8  # on stderr; the result holds them all
 
 
 def map_foreign_traces(
-    path: Path, out: Path, *, method: str, seed: int, resolution_m: float, progress: Progress
+    path: Path, out: Path, *, method: str, seed: int, resolution_m: float, road: Path | None, progress: Progress
 ) -> dict[str, Any]:
     """Write map.pgm and map.yaml of the traces in a file; what they are made of and what was left out.
 
-    Raises InputError where the file makes no map of one zone.
+    `road` is a file that says how the road was before the zone; `lanes` joins what it learns to it. Raises InputError where
+    the file makes no map of one zone, and where the traces are not on the road.
     """
+    if road and method != "lanes":
+        raise InputError(f"--road {road}: the method {method} makes no use of the road; leave --road out or take lanes")
+    before = read_map_before(road) if road else None
     table = read_fixes(path)
     usable = usable_traces(table, source=str(path))
     n_fixes, traces = len(table), usable.traces
     del table
     _tell_dropped(usable.dropped)
+    if before:
+        check_on_road(traces, before, source=str(path), road_source=str(road))
     grid, learned = map_of_traces(
-        traces, source=str(path), method=method, seed=seed, resolution_m=resolution_m, progress=progress
+        traces, source=str(path), method=method, seed=seed, resolution_m=resolution_m, before=before, progress=progress
     )
     with staged_folder(out) as stage:
         write_map(grid, stage)
@@ -54,13 +62,20 @@ def map_foreign_traces(
 
 
 def map_of_traces(
-    traces: pd.DataFrame, *, source: str, method: str, seed: int, resolution_m: float, progress: Progress
+    traces: pd.DataFrame,
+    *,
+    source: str,
+    method: str,
+    seed: int,
+    resolution_m: float,
+    before: MapBefore | None,
+    progress: Progress,
 ) -> tuple[OccupancyGrid, dict[str, Any]]:
     """The map of usable traces, and what was learned of them. Raises InputError, naming `source`, where they spread too far."""
     cells = _cells_around(traces, source=source, resolution_m=resolution_m)
     half_width = float(traces["width_m"].median()) / 2 if "width_m" in traces else VehicleGeometry().width_m / 2
     if method == "lanes":
-        grid, learned = _lanes(traces, cells, half_width_m=half_width, seed=seed, progress=progress)
+        grid, learned = _lanes(traces, cells, half_width_m=half_width, seed=seed, before=before, progress=progress)
     else:
         grid, learned = _by_mixture(method, traces, cells, half_width_m=half_width, seed=seed, progress=progress)
     return grid, {"vehicle_width_m": 2 * half_width, **learned}
@@ -81,13 +96,21 @@ def _cells_around(traces: pd.DataFrame, *, source: str, resolution_m: float) -> 
 
 
 def _lanes(
-    traces: pd.DataFrame, cells: OccupancyGrid, *, half_width_m: float, seed: int, progress: Progress
+    traces: pd.DataFrame,
+    cells: OccupancyGrid,
+    *,
+    half_width_m: float,
+    seed: int,
+    before: MapBefore | None,
+    progress: Progress,
 ) -> tuple[OccupancyGrid, dict[str, Any]]:
     spec = LaneStructureSpec(vehicle_width_m=2 * half_width_m)
     with progress("lanes", 1.0) as tell:
-        made = lane_structured_map(traces, spec=spec, grid=cells, seed=seed, progress=lambda done, total: tell(done / total))
+        made = lane_structured_map(
+            traces, spec=spec, grid=cells, seed=seed, before=before, progress=lambda done, total: tell(done / total)
+        )
     figures = {key: value for key, value in made.report.items() if key not in {"dropped", "n_dropped", "n_traces"}}
-    return made.grid, figures
+    return with_road_outside(made.grid, before) if before else made.grid, figures
 
 
 def _by_mixture(

@@ -68,7 +68,7 @@ def build_map(traces: pd.DataFrame, *, method: str = "swept", seed: int, resolut
     _refuse_unknown([method], known=list(MAP_METHODS))
     usable = usable_traces(traces, source="traces").traces
     grid, _ = map_of_traces(
-        usable, source="traces", method=method, seed=seed, resolution_m=resolution_m, progress=quiet_progress
+        usable, source="traces", method=method, seed=seed, resolution_m=resolution_m, before=None, progress=quiet_progress
     )
     return grid
 

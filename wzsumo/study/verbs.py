@@ -78,9 +78,11 @@ def run_case_again(folder: Path, out: Path, *, case: str, in_window: bool) -> Fi
     return run_case(found.scenario, out, methods=[found.method], progress=progress_bar, in_window=in_window)
 
 
-def map_traces(traces: Path, out: Path, *, method: str, seed: int, resolution_m: float) -> Figures:
+def map_traces(traces: Path, out: Path, *, method: str, seed: int, resolution_m: float, road: Path | None = None) -> Figures:
     """Write map.pgm and map.yaml of anybody's traces; what they are made of and what was left out."""
-    return map_foreign_traces(traces, out, method=method, seed=seed, resolution_m=resolution_m, progress=progress_bar)
+    return map_foreign_traces(
+        traces, out, method=method, seed=seed, resolution_m=resolution_m, road=road, progress=progress_bar
+    )
 
 
 def report_again(folder: Path) -> Figures:
