@@ -4,7 +4,7 @@ import shapely
 
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.footprint import outline_body
-from wzsumo.planning.path_check import exposure_along, first_contact
+from wzsumo.planning.path_check import exposure_along, touching_poses
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.terrain import terrain_of
 from wzsumo.vehicle import VehicleGeometry
@@ -60,10 +60,9 @@ def test_risk_is_the_length_of_the_path_times_p_where_p_is_the_same_everywhere()
     assert exposure.risk_m == pytest.approx(0.05 * 10)
 
 
-def test_first_contact_names_the_first_pose_that_touches():
+def test_poses_from_the_first_on_whose_front_reaches_the_wall_touch():
     p = np.zeros((80, 80))
     p[:, 60] = 1  # a wall from x = 15.00 m on: the front, 3.72 m ahead, is there from x = 11.28 m on
     poses = np.column_stack([np.linspace(5, 14, 91), np.full(91, 10.0), np.zeros(91)])
     _, terrain = exposure_of(p, poses)
-    assert first_contact(poses, np.zeros(91), terrain, BODY) == 63
-    assert first_contact(poses[:63], np.zeros(63), terrain, BODY) == -1
+    assert touching_poses(poses, 0.0, terrain, BODY).tolist() == [False] * 63 + [True] * 28

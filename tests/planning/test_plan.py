@@ -209,7 +209,7 @@ KERNELS = (
     hybrid_astar.search,
     path_check._min_clearance,
     path_check._max_p_under,
-    path_check.first_contact,
+    path_check._touching,
     smoothing._smooth,
     terrain._multiplier,
 )

@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 
 from wzsumo.frames import FloatArray
+from wzsumo.grid import BoolArray
+from wzsumo.path import ReferencePath
 from wzsumo.planning.footprint import Body, columns_crossed, pose_is_free, rows_crossed
 from wzsumo.planning.terrain import Terrain
 
@@ -31,14 +33,25 @@ def exposure_along(poses: FloatArray, *, max_p_occupied: float, terrain: Terrain
     )
 
 
+def poses_through(points: FloatArray, *, ends: FloatArray) -> FloatArray:
+    """Poses (n, 3) at points (n, 2), headed along the chord between the neighbours; `ends` (2,) are the headings there."""
+    chords = points[2:] - points[:-2]
+    headings = np.concatenate([ends[:1], np.arctan2(chords[:, 1], chords[:, 0]), ends[1:]])
+    return np.column_stack([points, headings])
+
+
+def touching_poses(poses: FloatArray, sweep_margin: float, terrain: Terrain, body: Body) -> BoolArray:
+    """At which poses (n, 3) the body, wider by `sweep_margin` times the curvature there, touches a blocked cell (n,)."""
+    return _touching(poses, sweep_margin * np.abs(ReferencePath(poses=poses).curvature), terrain, body)
+
+
 @njit(cache=True, error_model="numpy")
-def first_contact(poses: FloatArray, margins: FloatArray, terrain: Terrain, body: Body) -> int:
-    """Index of the first pose whose body, wider by its margin [m], touches a blocked cell; -1 where none does."""
+def _touching(poses: FloatArray, margins: FloatArray, terrain: Terrain, body: Body) -> BoolArray:
+    touching = np.empty(len(poses), dtype=np.bool_)
     for i in range(len(poses)):
         x, y, heading = poses[i, 0], poses[i, 1], poses[i, 2]
-        if not pose_is_free(terrain.distance, terrain.resolution, body, x, y, heading, margins[i]):
-            return i
-    return -1
+        touching[i] = not pose_is_free(terrain.distance, terrain.resolution, body, x, y, heading, margins[i])
+    return touching
 
 
 @njit(cache=True, error_model="numpy")

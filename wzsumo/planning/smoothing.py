@@ -7,15 +7,18 @@ Sources: Whittaker, On a New Method of Graduation, 1923 (the penalty); Dolgov et
 """
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numba import njit
 
 from wzsumo.frames import FloatArray
 from wzsumo.path import ReferencePath
+from wzsumo.planning.bending import BAND, add_bending, advance_line, bending_matrix, factorise, stiffness_of, ways_at_ends
 from wzsumo.planning.distance_field import FieldArray
+from wzsumo.planning.easing import EASING_LADDER_M, eased_points
 from wzsumo.planning.footprint import Body, sweep_margin
-from wzsumo.planning.path_check import cost_along, first_contact
+from wzsumo.planning.path_check import cost_along, poses_through, touching_poses
 from wzsumo.planning.terrain import Terrain
 
 # Wavelength [m] and share of the preferred clearance that is asked for, tried in turn. On a work zone of 900 m with corridors
@@ -31,7 +34,6 @@ _OBSTACLE_WEIGHT = 4.0  # of a missing metre of clearance against a metre off th
 _INSISTED_SHARE = 0.85  # below this share of the clearance asked for the weight grows from round to round,
 _INSISTENCE = 12.0  # by this factor times what is lacking: the nearest obstacles come to count most
 _STRIDE = 2  # obstacles are looked at from every second point, a metre apart
-_BAND = 3
 
 
 def smoothed_poses(
@@ -53,30 +55,31 @@ def smoothed_poses(
         return poses
     step = float(np.hypot(*(poses[1, :2] - poses[0, :2])))
     best, least_jump, most = poses, math.inf, _DEARER * cost_along(poses, terrain)
-    for wavelength_m, clearance_share in _LADDER:
-        points = smooth(
-            poses[:, :2],
-            headings=(poses[0, 2], poses[-1, 2]),
-            wavelength_m=wavelength_m,
-            clearance_m=clearance_share * preferred_clearance_m,
-            terrain=terrain,
-            body=body,
-        )
-        chords = points[2:] - points[:-2]
-        headings = np.concatenate([poses[:1, 2], np.arctan2(chords[:, 1], chords[:, 0]), poses[-1:, 2]])
-        candidate = np.column_stack([points, headings])
+    for points in _tries(poses, preferred_clearance_m, terrain, body):
+        candidate = poses_through(points, ends=poses[[0, -1], 2])
         curvature = ReferencePath(poses=candidate).curvature
         jump = float(np.abs(np.diff(curvature)).max())
         if np.abs(curvature).max() > max_curvature or jump >= least_jump:
             continue
         if cost_along(candidate, terrain) > most:
             continue
-        margins = sweep_margin(body, step_m=step) * np.abs(curvature)
-        if first_contact(candidate, margins, terrain, body) < 0:
+        if not touching_poses(candidate, sweep_margin(body, step_m=step), terrain, body).any():
             best, least_jump = candidate, jump
             if jump <= max_curvature_jump:
                 break
     return best
+
+
+def _tries(poses: FloatArray, preferred_clearance_m: float, terrain: Terrain, body: Body) -> Iterator[FloatArray]:
+    """Points (n, 2) of smoother and smoother compliance: off the obstacles first, then within the room that the poses have."""
+    headings = (poses[0, 2], poses[-1, 2])
+    for wavelength_m, clearance_share in _LADDER:
+        clearance_m = clearance_share * preferred_clearance_m
+        yield smooth(
+            poses[:, :2], headings=headings, wavelength_m=wavelength_m, clearance_m=clearance_m, terrain=terrain, body=body
+        )
+    for wavelength_m in EASING_LADDER_M:
+        yield eased_points(poses, wavelength_m=wavelength_m, terrain=terrain, body=body)
 
 
 def smooth(
@@ -93,9 +96,9 @@ def smooth(
     Waves shorter than `wavelength_m` are damped to less than half.
     """
     step = float(np.hypot(*(points[1] - points[0])))
-    stiffness = (wavelength_m / (2 * math.pi * step)) ** (2 * _BAND)
+    stiffness = stiffness_of(wavelength_m, step)
     x, y = points[:, 0].copy(), points[:, 1].copy()
-    ways = 2 * step * np.array([[math.cos(heading), math.sin(heading)] for heading in headings])
+    ways = ways_at_ends(headings, step)
     _smooth(x, y, ways, stiffness, clearance_m, terrain, body)
     return np.column_stack([x, y])
 
@@ -114,7 +117,7 @@ def _smooth(
     n = len(x)
     searched_x, searched_y, weights = x.copy(), y.copy(), np.empty(n)
     pull_x, pull_y, insistence = np.empty(n), np.empty(n), np.full(n, _OBSTACLE_WEIGHT)
-    band, lower, step = _bending_matrix(n), np.empty((n, _BAND + 1)), np.empty(n)
+    band, lower, step = bending_matrix(n), np.empty((n, BAND + 1)), np.empty(n)
     insisted = body.half_width + _INSISTED_SHARE * clearance_m
     for _ in range(_N_ROUNDS):
         for i in range(1, n - 1):
@@ -129,10 +132,10 @@ def _smooth(
             weights[i] += weight * count
             pull_x[i] -= weight * push * sin
             pull_y[i] += weight * push * cos
-        _add_bending(x, ways[0, 0], ways[1, 0], stiffness, pull_x)
-        _add_bending(y, ways[0, 1], ways[1, 1], stiffness, pull_y)
-        _factorise(band, weights, stiffness, lower)
-        moved = max(_advance(x, pull_x, lower, step), _advance(y, pull_y, lower, step))
+        add_bending(x, ways[0, 0], ways[1, 0], stiffness, pull_x)
+        add_bending(y, ways[0, 1], ways[1, 1], stiffness, pull_y)
+        factorise(band, weights, stiffness, lower)
+        moved = max(advance_line(x, pull_x, lower, step), advance_line(y, pull_y, lower, step))
         if moved < _SETTLED_M:
             break
 
@@ -176,72 +179,3 @@ def _distance_and_slope(distance: FieldArray, resolution: float, x: float, y: fl
     low, high = low_left + u * (low_right - low_left), high_left + u * (high_right - high_left)
     slope_x = ((1 - v) * (low_right - low_left) + v * (high_right - high_left)) / resolution
     return low + v * (high - low), slope_x, (high - low) / resolution
-
-
-@njit(cache=True, error_model="numpy")
-def _bending_matrix(n: int) -> FloatArray:
-    """Lower band (n, 4) of D'D: [i, k] = (D'D)[i, i - k], D the third differences 1, -3, 3, -1 of the line.
-
-    At each end one more difference reaches to a mirror point beyond it, from where the way to the point inside is given: so the
-    heading is kept and the curvature is free.
-    """
-    band = np.zeros((n, _BAND + 1))
-    factors = (-1.0, 3.0, -3.0, 1.0)
-    for first in range(n - _BAND):
-        for one in range(4):
-            for other in range(one + 1):
-                band[first + one, one - other] += factors[one] * factors[other]
-    for end, beside in ((1, 2), (n - 2, n - 3)):
-        band[end, 0] += 16.0
-        band[beside, 0] += 1.0
-        band[max(end, beside), 1] -= 4.0
-    return band
-
-
-@njit(cache=True, error_model="numpy")
-def _add_bending(line: FloatArray, first_way: float, last_way: float, stiffness: float, pull: FloatArray) -> None:
-    """Add to the pull on one coordinate what straightens the line: minus the gradient of half the squared differences."""
-    n = len(line)
-    bend = stiffness * (line[2] - 4 * line[1] + 3 * line[0] + first_way)
-    pull[1] += 4 * bend
-    pull[2] -= bend
-    for i in range(n - _BAND):
-        bend = stiffness * (line[i + 3] - 3 * line[i + 2] + 3 * line[i + 1] - line[i])
-        pull[i] += bend
-        pull[i + 1] -= 3 * bend
-        pull[i + 2] += 3 * bend
-        pull[i + 3] -= bend
-    bend = stiffness * (4 * line[n - 2] + last_way - 3 * line[n - 1] - line[n - 3])
-    pull[n - 2] -= 4 * bend
-    pull[n - 3] += bend
-
-
-@njit(cache=True, error_model="numpy")
-def _factorise(band: FloatArray, weights: FloatArray, stiffness: float, lower: FloatArray) -> None:
-    """Cholesky factor of W + stiffness D'D for the inner points: lower[i, k] = L[i, i - k]."""
-    for i in range(1, len(weights) - 1):
-        inner = min(i - 1, _BAND)
-        for back in range(inner, -1, -1):
-            value = stiffness * band[i, back]
-            for further in range(back + 1, inner + 1):
-                value -= lower[i, further] * lower[i - back, further - back]
-            lower[i, back] = value / lower[i - back, 0] if back > 0 else math.sqrt(value + weights[i])
-
-
-@njit(cache=True, error_model="numpy")
-def _advance(line: FloatArray, pull: FloatArray, lower: FloatArray, step: FloatArray) -> float:
-    """Move one coordinate of the inner points to where pull and bending balance; returns the largest move [m]."""
-    n, moved = len(line), 0.0
-    for i in range(1, n - 1):
-        value = pull[i]
-        for back in range(1, min(i - 1, _BAND) + 1):
-            value -= lower[i, back] * step[i - back]
-        step[i] = value / lower[i, 0]
-    for i in range(n - 2, 0, -1):
-        value = step[i]
-        for ahead in range(1, min(n - 2 - i, _BAND) + 1):
-            value -= lower[i + ahead, ahead] * step[i + ahead]
-        step[i] = value / lower[i, 0]
-        line[i] += step[i]
-        moved = max(moved, abs(step[i]))
-    return moved
