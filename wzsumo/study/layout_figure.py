@@ -1,6 +1,7 @@
 """The drawing of a zone: its signs, its plan by stations, a stretch to scale with lane widths, the road as it lies."""
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -33,9 +34,8 @@ def draw_zone(run: ResultFolder) -> Figure:
     across = run.road.left_edge + run.road.right_shoulder + 2 * MARGIN_M[1]
     to_scale = (AXES_IN[1] - AXES_IN[0]) * across / DRAWN_TO_SCALE_M
     heights = [0.75, 2.3, to_scale, 2.6] if bends else [0.75, 2.3, to_scale]
-    figure, rows = stacked_figure(
-        heights, gaps=[1.45, 0.75, 0.75][: len(heights) - 1], head=1.1 if run.road.opposing_lanes else 0.4
-    )
+    head = 1.1 if _reads_against_the_stations(run).any() else 0.4
+    figure, rows = stacked_figure(heights, gaps=[1.45, 0.75, 0.75][: len(heights) - 1], head=head)
     _draw_signs(rows[0], run)
     _draw_plan(rows[1], run)
     _draw_to_scale(rows[2], run)
@@ -50,7 +50,7 @@ def _draw_signs(axes: Axes, run: ResultFolder) -> None:
     signs, (start, end) = run.signs, run.span
     axes.axhline(0, color="#777777", linewidth=3, zorder=1)
     axes.plot([start, end], [0, 0], color=ORANGE, linewidth=6, solid_capstyle="butt", zorder=2)
-    places = signs.assign(opposing=np.cos(signs["heading_rad"] - run.road.heading_at(signs["s_m"])) < 0)
+    places = signs.assign(opposing=_reads_against_the_stations(run))
     places = places.drop_duplicates(["text", "s_m", "opposing"])  # one of the two on both sides of a freeway
     for opposing, group in places.groupby("opposing"):
         side = 1 if opposing else -1
@@ -66,6 +66,11 @@ def _draw_signs(axes: Axes, run: ResultFolder) -> None:
     axes.xaxis.set_visible(False)
     for spine in axes.spines.values():
         spine.set_visible(False)
+
+
+def _reads_against_the_stations(run: ResultFolder) -> npt.NDArray[np.bool_]:
+    """Which signs (n,) are for the other direction."""
+    return np.asarray(np.cos(run.signs["heading_rad"] - run.road.heading_at(run.signs["s_m"])) < 0)
 
 
 def _draw_plan(axes: Axes, run: ResultFolder) -> None:
