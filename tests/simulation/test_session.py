@@ -144,7 +144,7 @@ def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(
     assert overlapped == 0
 
 
-def test_stand_in_lies_beside_all_roads_for_a_step_before_it_is_removed(files):
+def test_stand_in_lies_beside_all_roads_for_a_step_before_it_is_removed_and_nobody_is_warned(files, capfd):
     # Drivers keep for a step whom they saw beside them; taken away at once, SUMO 1.28 crashed in a later step.
     def on_lanes():
         return {name for lane in sumo.lane.getIDList() for name in sumo.lane.getLastStepVehicleIDs(lane)}
@@ -160,3 +160,4 @@ def test_stand_in_lies_beside_all_roads_for_a_step_before_it_is_removed(files):
             assert stand_in not in on_lanes()
             known.append(stand_in in sumo.vehicle.getIDList())
         assert known == [True, False]
+    assert "implied speed" not in capfd.readouterr().err

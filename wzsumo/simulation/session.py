@@ -29,7 +29,8 @@ SIDE_CLEARANCE_M = 0.3
 # does: the ego is then counted to no lane or to a wrong one, and SUMO 1.28 has crashed in the step after.
 _PLACEMENT = 2 | 1
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
-_NOWHERE_M = (-1e4, -1e4)  # a point off every road
+_ASIDE_M = 50.0  # to the right: off the road
+_ANY_SPEED_MPS = 1e9  # SUMO makes less of it: 50 m in 0.02 s still pass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,7 +179,10 @@ class Session:
         for name in set(self._aside) & set(api.getIDList()):
             api.remove(name)
         for name in names:
-            api.moveToXY(name, "", -1, *_NOWHERE_M, keepRoute=2)
+            (x, y), angle = api.getPosition(name), np.deg2rad(api.getAngle(name))  # clockwise from north
+            api.setMaxSpeed(name, _ANY_SPEED_MPS)  # else SUMO warns of the jump
+            aside = x + _ASIDE_M * np.cos(angle), y - _ASIDE_M * np.sin(angle)
+            api.moveToXY(name, "", -1, *aside, keepRoute=2, matchThreshold=1.0)
         self._aside = names
 
     def _take_over(self, name: str) -> None:
