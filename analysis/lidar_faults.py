@@ -25,7 +25,6 @@ from wzsumo.study.baselines import map_baselines
 from wzsumo.study.case import drive_plan, quiet_progress
 from wzsumo.study.crowd_traces import traces_over_zone
 from wzsumo.study.goals import goal_figures
-from wzsumo.study.guides import guides_for
 from wzsumo.study.map_and_plan import plan_for
 from wzsumo.study.scenario import load_scenario
 from wzsumo.study.site import prepare_site
@@ -72,7 +71,7 @@ def row_of(name, scenario, site, files, fleet, *, rate_hz):
     case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], seed=scenario.seed, rate_hz=rate_hz)})
     baselines = map_baselines([METHOD], fleet, scenario=case, site=site, progress=quiet_progress)
     grid = baselines.maps[METHOD]
-    plan = plan_for(METHOD, grid, scenario=scenario, site=site, guides=guides_for(None, site=site))
+    plan = plan_for(METHOD, grid, scenario=scenario, site=site, crowd=None)
     goal = goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)
     run = drive_plan(plan, METHOD, scenario=scenario, site=site, files=files, progress=quiet_progress)
     over_zone = traces_over_zone(fleet, site.layout)

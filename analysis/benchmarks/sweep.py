@@ -28,7 +28,6 @@ import numpy as np
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.installation import sumo_binary
 from wzsumo.study.crowd_traces import reported_traces
-from wzsumo.study.guides import guides_for
 from wzsumo.study.map_and_plan import map_of_zone, plan_for
 from wzsumo.study.mapping_methods import learn_from
 from wzsumo.study.site import prepare_site
@@ -106,7 +105,7 @@ def kernels_s(study: Study) -> float:
         def kernels() -> None:
             crowd = learn_from(used, spec=case.scenario.mixture, seed=case.scenario.seed)
             grid = map_of_zone(case.method, crowd, scenario=case.scenario, site=site)
-            plan_for(case.method, grid, scenario=case.scenario, site=site, guides=guides_for(crowd, site=site))
+            plan_for(case.method, grid, scenario=case.scenario, site=site, crowd=crowd)
 
         return _processor_s(kernels)
 

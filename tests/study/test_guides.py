@@ -1,13 +1,9 @@
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
 from builders import straight_traces
 
 from wzsumo.crowd_mapping.mixture import Mixture
-from wzsumo.planning.plan import plan_path
-from wzsumo.study import map_and_plan
 from wzsumo.study.guides import bound_for, guides_for, nominal_guide
 from wzsumo.study.mapping_methods import Crowd
 from wzsumo.study.scenario import load_scenario
@@ -75,19 +71,3 @@ def test_lines_of_all_come_second(site):
     guides = guides_for(crowd, site=site)
     assert len(guides) == 2
     assert len(guides[1]) == len(nominal_guide(site)) + len(STRETCHES)
-
-
-def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(site, monkeypatch):
-    scenario, found = load_scenario("scenarios/paper.toml"), []
-    free = site.cells.with_p_occupied(np.zeros(site.cells.shape))
-
-    def plan_without_the_first(grid, **given):
-        plan = plan_path(grid, **given)
-        found.append(plan)
-        return replace(plan, path=None) if len(found) == 1 else plan
-
-    monkeypatch.setattr(map_and_plan, "plan_path", plan_without_the_first)
-    plan = map_and_plan.plan_for("lanes", free, scenario=scenario, site=site, guides=[nominal_guide(site)] * 3)
-    assert len(found) == 2
-    assert plan.path is found[1].path
-    assert plan.timings_ms["total"] == pytest.approx(sum(each.timings_ms["total"] for each in found))

@@ -24,7 +24,6 @@ from wzsumo.study.case_files import write_crowd, write_method, write_path, write
 from wzsumo.study.closed_loop import Drive, drive_path
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
 from wzsumo.study.goals import goal_figures, site_with_open_goal
-from wzsumo.study.guides import guides_for
 from wzsumo.study.layout_files import write_layout
 from wzsumo.study.map_and_plan import map_of_zone, plan_for
 from wzsumo.study.map_updates import arriving_crowds, new_maps, plan_to_set_out_with
@@ -86,7 +85,7 @@ def run_case(
             grid = baseline or map_of_zone(method, crowd, scenario=scenario, site=site)
         crowd_of_map = None if baseline else crowd
         set_out = plan_for if baseline else plan_to_set_out_with
-        plan = set_out(method, grid, scenario=scenario, site=site, guides=guides_for(crowd_of_map, site=site))
+        plan = set_out(method, grid, scenario=scenario, site=site, crowd=crowd_of_map)
         maps = () if baseline else new_maps(arriving, method, scenario=scenario, site=site)
         with clock.timing(f"drive {method}"):
             run = drive_plan(
@@ -130,7 +129,7 @@ def goals_of(
     goals = {"own_lane": goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)}
     lane, other = scenario.route.open_goal_lane, site_with_open_goal(site)
     if lane is not None and other is not None:
-        to_open = plan_for(method, grid, scenario=scenario, site=other, guides=guides_for(crowd, site=other))
+        to_open = plan_for(method, grid, scenario=scenario, site=other, crowd=crowd)
         goals["open_lane"] = goal_figures(to_open, lane=lane, scenario=scenario, site=other)
         write_path(folder, f"{method}_to_open_lane", to_open)
     return goals

@@ -1,15 +1,15 @@
 """The two steps that each method takes: from the crowd to its map of the zone, and from that map to a plan."""
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from wzsumo.crowd_mapping.map_before import MapBefore
-from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.plan import Plan, plan_path
+from wzsumo.study.driven_ground import driven_ground
+from wzsumo.study.guides import guides_for
 from wzsumo.study.mapping_methods import MAP_METHODS, Crowd, planner_for
 from wzsumo.study.scenario import Scenario
 from wzsumo.study.site import Site
@@ -24,13 +24,16 @@ def map_of_zone(method: str, crowd: Crowd, *, scenario: Scenario, site: Site) ->
     return learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
 
 
-def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, guides: Sequence[FloatArray]) -> Plan:
+def plan_for(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, crowd: Crowd | None) -> Plan:
     """The plan from the site's start to its goal by the planner that belongs to the method, with the first guide that has one.
 
-    Its timings [ms] are those of all that were tried.
+    `crowd` is what the map was made of, None for any other map. Where the outline is planned for, the ground that vehicles of
+    the crowd drove over is free. Timings [ms] are those of all guides that were tried.
     """
     spec, timings = planner_for(method, scenario.planner), Counter[str]()
-    for guide in guides:
+    if crowd is not None and spec.body == "outline":
+        grid = grid.with_p_occupied(np.where(driven_ground(crowd, scenario=scenario, cells=grid), 0.0, grid.p_occupied))
+    for guide in guides_for(crowd, site=site):
         plan = plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec, guide=guide)
         timings.update(plan.timings_ms)
         if plan.path is not None:

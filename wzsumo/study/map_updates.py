@@ -1,16 +1,13 @@
 """Maps that reach the ego while it drives, as the scenario's section `map_updates` says."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import pandas as pd
 
-from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.plan import Plan
 from wzsumo.study.crowd_traces import reported_traces
-from wzsumo.study.guides import guides_for
 from wzsumo.study.hd_map import stale_map
 from wzsumo.study.map_and_plan import map_of_zone, plan_for
 from wzsumo.study.mapping_methods import Crowd, learn_from
@@ -44,14 +41,12 @@ def arriving_crowds(over_zone: pd.DataFrame, scenario: Scenario) -> tuple[Arrivi
     return tuple(found)
 
 
-def plan_to_set_out_with(
-    method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, guides: Sequence[FloatArray]
-) -> Plan:
+def plan_to_set_out_with(method: str, grid: OccupancyGrid, *, scenario: Scenario, site: Site, crowd: Crowd | None) -> Plan:
     """The first plan: on `grid`, the method's own map, or where the scenario says so on that of the road without the zone."""
     updates = scenario.map_updates
     if updates is not None and updates.sets_out_with == "map_of_before":
-        grid, guides = stale_map(site), guides_for(None, site=site)
-    return plan_for(method, grid, scenario=scenario, site=site, guides=guides)
+        grid, crowd = stale_map(site), None
+    return plan_for(method, grid, scenario=scenario, site=site, crowd=crowd)
 
 
 def new_maps(crowds: tuple[ArrivingCrowd, ...], method: str, *, scenario: Scenario, site: Site) -> tuple[NewMap, ...]:
@@ -65,14 +60,12 @@ def new_maps(crowds: tuple[ArrivingCrowd, ...], method: str, *, scenario: Scenar
                 grid=map_of_zone(method, arriving.crowd, scenario=scenario, site=site),
                 scenario=scenario,
                 site=site,
-                guides=guides_for(arriving.crowd, site=site),
+                crowd=arriving.crowd,
             ),
         )
         for arriving in crowds
     )
 
 
-def _plan_from(
-    start: Pose, *, method: str, grid: OccupancyGrid, scenario: Scenario, site: Site, guides: Sequence[FloatArray]
-) -> Plan:
-    return plan_for(method, grid, scenario=scenario, site=replace(site, start=start), guides=guides)
+def _plan_from(start: Pose, *, method: str, grid: OccupancyGrid, scenario: Scenario, site: Site, crowd: Crowd | None) -> Plan:
+    return plan_for(method, grid, scenario=scenario, site=replace(site, start=start), crowd=crowd)

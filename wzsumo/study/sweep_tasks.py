@@ -34,7 +34,6 @@ from wzsumo.study.assessment import assess
 from wzsumo.study.baselines import BASELINE_METHODS, HD_MAP_METHODS, SLAM_METHODS, Baselines, map_baselines
 from wzsumo.study.case import drive_plan, quiet_progress
 from wzsumo.study.crowd_traces import reported_traces, traces_over_zone
-from wzsumo.study.guides import guides_for
 from wzsumo.study.map_and_plan import map_of_zone, plan_for
 from wzsumo.study.map_updates import arriving_crowds, new_maps, plan_to_set_out_with
 from wzsumo.study.mapping_methods import Crowd, learn_from
@@ -164,11 +163,10 @@ def _evaluated(
     scenario, maps = case.scenario, tuple[NewMap, ...]()
     if isinstance(learned, Baselines):
         crowd, slam = None, learned.slam
-        plan = plan_for(case.method, grid, scenario=scenario, site=site, guides=guides_for(None, site=site))
+        plan = plan_for(case.method, grid, scenario=scenario, site=site, crowd=None)
     else:
         crowd, slam = learned, {}
-        guides = guides_for(learned, site=site)
-        plan = plan_to_set_out_with(case.method, grid, scenario=scenario, site=site, guides=guides)
+        plan = plan_to_set_out_with(case.method, grid, scenario=scenario, site=site, crowd=crowd)
         maps = new_maps(arriving_crowds(over_zone, scenario), case.method, scenario=scenario, site=site) if case.drive else ()
     run = _drive(plan, case, site, maps) if case.drive else None
     figures = assess(grid, plan, run, crowd=crowd, over_zone=over_zone, scenario=scenario, site=site)
