@@ -1,5 +1,6 @@
 """OccupancyGrid: p(occupied) on a regular grid, and its ROS map_server files."""
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -200,10 +201,16 @@ def _thresholds(path: Path, metadata: dict[str, Any]) -> dict[str, float]:
 def _read_image(path: Path, metadata: dict[str, Any]) -> npt.NDArray[np.uint8]:
     image_path = path.parent / str(metadata["image"])
     try:
-        with Image.open(image_path) as image:
+        # Pillow looks at the size before it reads a pixel, and warns of what it takes for a bomb.
+        with warnings.catch_warnings(category=Image.DecompressionBombWarning, action="error"), Image.open(image_path) as image:
             pixels = np.asarray(image.convert("LA" if "A" in image.getbands() else "L"))
     except FileNotFoundError:
         raise MapError(f"{path}: image {image_path} does not exist; put it beside the YAML file") from None
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
+        raise MapError(
+            f"{path}: image {image_path} has more than {Image.MAX_IMAGE_PIXELS} pixels; crop it to the road or use a coarser "
+            "resolution"
+        ) from None
     except (OSError, ValueError) as error:
         raise MapError(f"{path}: image {image_path} cannot be read ({error}); a complete PGM or PNG is needed") from None
     for key, size in (("width", pixels.shape[1]), ("height", pixels.shape[0])):

@@ -116,8 +116,10 @@ def ompl_run(grid: OccupancyGrid, start: Pose, goal: Pose) -> Callable[[], objec
     try:
         import ompl.base as ob
         import ompl.geometric as og
+        import ompl.util as ou
     except ImportError:
         return None
+    ou.noOutputHandler()
     body = outline_body(CAR)
 
     def run() -> None:

@@ -191,3 +191,12 @@ def test_yaml_that_is_no_map_is_refused(tmp_path, text):
     (tmp_path / "bad.yaml").write_text(text)
     with pytest.raises(MapError, match="not a ROS map YAML file"):
         read_map(tmp_path / "bad.yaml")
+
+
+@pytest.mark.parametrize("side", [10_000, 20_000], ids=["Pillow warns", "Pillow refuses"])
+def test_map_of_a_hundred_million_pixels_is_refused_before_it_is_read(tmp_path, side):
+    path = hand_made_map(tmp_path, SAVED_ROWS)
+    image = tmp_path / yaml.safe_load(path.read_text())["image"]
+    image.write_bytes(b"P5\n%d %d\n255\n" % (side, side))  # nothing but the header
+    with pytest.raises(MapError, match=r"has more than \d+ pixels; crop it"):
+        read_map(path)

@@ -12,6 +12,7 @@ from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
 from wzsumo.planning.arcs import poses_along
 from wzsumo.planning.attempts import search_in_turn
+from wzsumo.planning.easing import eased_points
 from wzsumo.planning.footprint import outline_body, pose_is_free
 from wzsumo.planning.hybrid_astar import EXHAUSTED, FOUND
 from wzsumo.planning.path_check import exposure_along
@@ -20,7 +21,17 @@ from wzsumo.planning.planning_field import MEASURED_CLEARANCE_M, PlanningField, 
 from wzsumo.planning.smoothing import smoothed_poses
 from wzsumo.vehicle import VehicleGeometry
 
-__all__ = ["Plan", "PlanStatus", "PlannerSpec", "PlanningField", "compile_kernels", "plan_from", "plan_path", "prepare"]
+__all__ = [
+    "Plan",
+    "PlanStatus",
+    "PlannerSpec",
+    "PlanningField",
+    "compile_kernels",
+    "load_kernels",
+    "plan_from",
+    "plan_path",
+    "prepare",
+]
 
 PATH_STEP_M = 0.48  # smoothing may stretch it a little; a path is sampled at 0.5 m or less
 
@@ -119,15 +130,18 @@ def plan_from(field: PlanningField, *, start: Pose) -> Plan:
 
 
 def compile_kernels() -> None:
-    """Compile every kernel of the planner, or load it from the cache, on a map of a few cells."""
+    """Compile every kernel of the planner, or load it from the cache."""
+    field = load_kernels()
+    straight = np.column_stack([np.linspace(5.0, 45.0, 81), np.full(81, 10.0), np.zeros(81)])
+    eased_points(straight, wavelength_m=10.0, terrain=field.terrain, body=field.body)
+
+
+def load_kernels() -> PlanningField:
+    """A field of a few cells, planned on: what all plans need is compiled or loaded, what narrow places need is not."""
     grid = OccupancyGrid(p_occupied=np.zeros((40, 120), dtype=np.float32), resolution=0.5, origin=(0.0, 0.0))
-    plan_path(
-        grid,
-        start=(5.0, 10.0, 0.0),
-        goal=(50.0, 10.0, 0.0),
-        vehicle=VehicleGeometry.model_validate({}),
-        spec=PlannerSpec(),
-    )
+    field = prepare(grid, goal=(50.0, 10.0, 0.0), vehicle=VehicleGeometry.model_validate({}), spec=PlannerSpec())
+    plan_from(field, start=(5.0, 10.0, 0.0))
+    return field
 
 
 def _obstacle(field: PlanningField, start: Pose) -> tuple[PlanStatus, str] | None:

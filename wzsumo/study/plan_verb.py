@@ -8,7 +8,7 @@ import numpy as np
 from wzsumo.errors import MapError
 from wzsumo.grid import FREE_THRESHOLD, read_map
 from wzsumo.output import staged_folder
-from wzsumo.planning.plan import PlannerSpec, plan_path
+from wzsumo.planning.plan import PlannerSpec, load_kernels, plan_path
 from wzsumo.vehicle import VehicleGeometry
 
 
@@ -18,6 +18,7 @@ def plan_on_map(map_yaml: Path, out: Path, *, start: list[float], goal: list[flo
     if not (np.isfinite(start).all() and np.isfinite(goal).all()):
         raise MapError(f"--start {start} and --goal {goal} must be finite numbers X Y DEG")
     spec = PlannerSpec(planned_speed_mps=speed_mps, max_p_occupied=FREE_THRESHOLD)
+    load_kernels()  # not part of what planning takes
     plan = plan_path(grid, start=_pose(start), goal=_pose(goal), vehicle=VehicleGeometry(), spec=spec)
     if plan.path is not None:
         with staged_folder(out.parent) as stage:

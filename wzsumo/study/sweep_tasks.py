@@ -25,7 +25,7 @@ from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.fleet import summarise_fleet
 from wzsumo.metrics.traffic import measure_traffic
 from wzsumo.output import parquet_bytes
-from wzsumo.planning.plan import Plan, PlanStatus
+from wzsumo.planning.plan import Plan, PlanStatus, load_kernels
 from wzsumo.sensing.equipped import choose_equipped, first_traces
 from wzsumo.simulation.files import SumoFiles, write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
@@ -73,6 +73,7 @@ def evaluate(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any
     """
     over_zone, fleet = read_simulated(simulated)
     shared = _Shared(over_zone)
+    load_kernels()  # not part of what planning takes
     rows = []
     for case in cases:
         with _in_processor_seconds() as spent:
