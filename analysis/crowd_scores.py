@@ -18,6 +18,7 @@ from wzsumo.study.guides import nominal_guide
 from wzsumo.study.site import prepare_site
 
 CELL_M = (2.0, 0.1)  # along and across the road: edges matter across
+EVEN = 0.5  # cut here instead of at FREE_THRESHOLD a map is as likely too wide as too narrow
 BESIDE_M = 2.0  # of the shoulders, counted too
 PLAN_CELL_M = 0.254
 # Calibration counts p in 20 equal bins between 0.01 and 0.99; cells beyond are trivial and have a bin at either end.
@@ -48,6 +49,7 @@ class Truth:
         free, known = p < FREE_THRESHOLD, p != UNKNOWN
         drivable = self.drivable
         hit, either = int((free & drivable).sum()), int((free | drivable).sum())
+        rather = known & (p < EVEN)
         occupied_there, sure = ~drivable[known], p[known]
         counts = np.digitize(sure, BIN_EDGES)
         sums = [np.bincount(counts, weights=w, minlength=len(BIN_EDGES) + 1) for w in (None, sure, occupied_there)]
@@ -55,6 +57,8 @@ class Truth:
             "precision": hit / max(int(free.sum()), 1),
             "recall": hit / int(drivable.sum()),
             "iou": hit / either,
+            "precision_even": float((rather & drivable).sum() / max(int(rather.sum()), 1)),
+            "iou_even": float((rather & drivable).sum() / (rather | drivable).sum()),
             "edge_error_m": self._edge_error(p),
             "brier": float(np.mean((sure - occupied_there) ** 2)),
             "brier_binary": float(np.mean(~free[known] != occupied_there)),

@@ -1,6 +1,6 @@
 """How many traces a crowd map takes: its quality over number of traces, GNSS error and sampling interval, on SUMO fleets.
 
-python analysis/how_many_traces.py --out results/how_many_traces [--first 61] [--seeds 10] [--zones straight bend ...]
+python analysis/how_many_traces.py --out results/how_many_traces [--first 81] [--seeds 10] [--zones straight bend ...]
 
 Each map is made twice: of the traces alone, and joined to the map of before (the road's lanes, and where the zone is
 announced). Every fleet is simulated once; rows are written as they come, so that a stopped study goes on where it was. Beside
@@ -31,15 +31,16 @@ OTHER_INTERVALS_S, SAMPLED_COUNTS, SAMPLED_ERRORS_M = (0.1, 3.0), (5, 30), (0.0,
 PLANNED = {(5, 0.0), (30, 1.0), (100, 2.0)}  # at the usual interval, on joined maps
 ZONES_OF_THE_STUDY = ("straight", "bend", "one_lane", "right_closed")
 KEYS = ["zone", "seed", "n_traces", "error_m", "interval_s", "map"]
-FIGURES = ["precision", "recall", "iou", "edge_error_m"]
+FIGURES = ["precision", "recall", "iou", "edge_error_m", "precision_even", "iou_even"]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/how_many_traces"))
-    parser.add_argument("--first", type=int, default=61, help="seeds 1-60 were looked at while the maps were built")
+    parser.add_argument("--first", type=int, default=81, help="seeds 1-80 were looked at while the maps were built")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--zones", nargs="+", default=ZONES_OF_THE_STUDY, choices=list(ZONES))
+    parser.add_argument("--maps", nargs="+", default=("joined", "alone"), choices=("joined", "alone"))
     parser.add_argument("--full-seeds", type=int, default=10, help="seeds with every case; the others have those of the bars")
     parser.add_argument("--planned-seeds", type=int, default=3, help="seeds on whose maps paths are planned")
     parser.add_argument("--fleets", type=Path, help="folder of simulated fleets; default: OUT/fleets")
@@ -56,7 +57,7 @@ def main() -> None:
     ]
     for cases, seed, zone in in_order:
         known = {tuple(row) for row in pd.read_csv(path)[KEYS].itertuples(index=False)} if path.exists() else set()
-        missing = [case for case in cases if (zone, seed, *case) not in known]
+        missing = [case for case in cases if case[-1] in args.maps and (zone, seed, *case) not in known]
         if missing:
             judge = Judge(zone)
             traces = true_traces(zone, seed, cache=args.fleets or args.out / "fleets")
@@ -66,7 +67,7 @@ def main() -> None:
                 pd.DataFrame([row], columns=COLUMNS).to_csv(path, mode="a", header=not path.exists(), index=False)
             print(f"{zone} {seed}: {len(missing)} maps", file=sys.stderr)
     rows = pd.read_csv(path)
-    table = _table(rows)
+    table = table_of(rows)
     table.to_csv(args.out / "table.csv", index=False)
     _waiting().to_csv(args.out / "waiting.csv", index=False)
     usual = rows[rows["interval_s"] == USUAL_INTERVAL_S]
@@ -101,7 +102,7 @@ def _row(
     return judge.truth.row(model) | {"never_driven": judge.never_driven(true)} | (judge.planned(model) if asked else {})
 
 
-def _table(rows: pd.DataFrame) -> pd.DataFrame:
+def table_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Medians over zones and seeds with their 95 % bootstrap intervals; calibration over all maps of a line together."""
     out = []
     for key, part in rows.groupby(KEYS[2:]):
@@ -113,13 +114,20 @@ def _table(rows: pd.DataFrame) -> pd.DataFrame:
                 drawn = bootstrap((values,), np.median, method="percentile", rng=np.random.default_rng(0))
                 row[f"{name}_low"], row[f"{name}_high"] = drawn.confidence_interval
         row["calibration_error"], row["calibration_error_unsure"] = calibration_errors(part["reliability"])
-        row |= {name: part[name].mean() for name in ("brier", "brier_binary", "never_driven")}
-        plans = part.dropna(subset=["plan"])
-        row["n_plans"], row["n_paths"] = len(plans), int(plans["closed_area_share"].notna().sum())
-        row["paths_in_closed_area"] = int((plans["closed_area_share"] > 0).sum())
-        row["least_clearance_m"] = plans["min_clearance_devices_m"].min()
-        out.append(row)
+        row |= {name: part[name].mean() for name in ("brier", "brier_binary", "never_driven") if name in part}
+        out.append(row | (_plans_of(part) if "plan" in part else {}))
     return pd.DataFrame(out)
+
+
+def _plans_of(part: pd.DataFrame) -> dict[str, object]:
+    """What the paths came to that were planned on the maps of a line."""
+    plans = part.dropna(subset=["plan"])
+    return {
+        "n_plans": len(plans),
+        "n_paths": int(plans["closed_area_share"].notna().sum()),
+        "paths_in_closed_area": int((plans["closed_area_share"] > 0).sum()),
+        "least_clearance_m": plans["min_clearance_devices_m"].min(),
+    }
 
 
 def _waiting() -> pd.DataFrame:

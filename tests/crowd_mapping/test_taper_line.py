@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
+from scipy.stats import exponnorm
 
-from wzsumo.crowd_mapping.taper_line import fit_taper_line, merging_taper_m
+from wzsumo.crowd_mapping.taper_line import STATION_SD_M, _shifted_exponential, fit_taper_line, merging_taper_m
 
 STATIONS = np.arange(0.0, 1000.0, 10.0)
 HALF_VEHICLE = 0.25  # of a lane
@@ -66,3 +67,9 @@ def test_chance_falls_along_the_road_and_towards_the_outer_edge():
     assert (np.diff(across) <= 1e-12).all()
     assert along[0] == pytest.approx(1.0, abs=1e-6)
     assert along[-1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_blurred_gap_has_the_density_of_an_exponentially_modified_gaussian():
+    gap, scale = np.linspace(-40, 300, 50), 60.0
+    expected = exponnorm.pdf(gap, scale / STATION_SD_M, scale=STATION_SD_M)
+    np.testing.assert_allclose(_shifted_exponential(gap, scale), expected, rtol=1e-9)

@@ -146,14 +146,16 @@ class _Costs:
 
     def _changes_between_two(self, lanes: IntArray) -> FloatArray:
         """Changes of lane (n, first lane, pairs) out of lanes that have another on either side: drivers chose between two."""
-        here, changes = lanes[:, :, :-1], np.diff(lanes, axis=2) != 0
-        inside = (here > 0) & (here < self.pattern.n_lanes - 1)
+        here, closed = lanes[:, :, :-1], self.pattern.closed
+        between = (np.diff(lanes, axis=2) != 0) & (here > 0) & (here < self.pattern.n_lanes - 1)
+        count = between.sum(axis=2)[:, :, None]
+        if not closed:
+            return np.asarray(count)
         # Beside the closure there is one way only.
-        beside_closed = np.isin(here - 1, self.pattern.closed) | np.isin(here + 1, self.pattern.closed)
-        counted = np.concatenate([np.zeros((*here.shape[:2], 1)), np.cumsum(changes & inside & beside_closed, axis=2)], axis=2)
+        spared = between & ((here == closed[0] - 1) | (here == closed[-1] + 1))
+        until = np.concatenate([np.zeros((*here.shape[:2], 1)), np.cumsum(spared, axis=2)], axis=2)
         ends = np.minimum(self.pairs, here.shape[2])
-        spared = counted[:, :, ends[:, 1]] - counted[:, :, ends[:, 0]]
-        return np.asarray((changes & inside).sum(axis=2)[:, :, None] - spared)
+        return np.asarray(count - (until[:, :, ends[:, 1]] - until[:, :, ends[:, 0]]))
 
 
 def _em(evidence: Evidence, costs: _Costs, *, right: float, iterations: int) -> LaneHypothesis:

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
-from scipy.stats import exponnorm
+from scipy.special import log_ndtr, ndtr
 
 from wzsumo.frames import FloatArray
 from wzsumo.units import METRES_PER_FOOT, feet_from_metres, mph_from_mps
@@ -148,8 +147,9 @@ def _after_announcement(ends: FloatArray, length: float, announcement: Announcem
 
 
 def _shifted_exponential(gap: FloatArray, scale: float) -> FloatArray:
-    """Density of an exponential gap, blurred at 0 by the stations' error."""
-    return np.asarray(exponnorm.pdf(gap, scale / STATION_SD_M, scale=STATION_SD_M))
+    """Density of an exponential gap, blurred by the stations' error: an exponentially modified Gaussian."""
+    ratio = STATION_SD_M / scale
+    return np.asarray(np.exp(ratio**2 / 2 - gap / scale + log_ndtr(gap / STATION_SD_M - ratio)) / scale)
 
 
 def _ahead_of_kink(distance: FloatArray, length: float) -> FloatArray:
