@@ -14,11 +14,11 @@ from pathlib import Path
 import pandas as pd
 from crowd_generator import GENERATED, generated_traces
 from crowd_scores import truth_of_generated
-from how_many_traces import table_of
+from how_many_traces import BARS, table_of
 
 from wzsumo.crowd_mapping.lane_model import LaneStructureSpec, fit_lane_structure
 
-CASES = ((5, 0.0), (10, 0.0), (30, 1.0), (100, 2.0), (3, 0.0), (5, 1.0), (10, 1.0), (10, 2.0), (30, 2.0))  # the bars' first
+OTHERS = ((3, 0.0), (5, 1.0), (10, 1.0), (10, 2.0), (30, 2.0))
 INTERVAL_S = 1.0
 KEYS = ["zone", "seed", "n_traces", "error_m"]
 
@@ -33,9 +33,10 @@ def main() -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "rows.csv"
     known = {tuple(row) for row in pd.read_csv(path)[KEYS].itertuples(index=False)} if path.exists() else set()
-    for seed, name in itertools.product(range(args.first, args.first + args.seeds), args.zones):
+    seeds = range(args.first, args.first + args.seeds)
+    for cases, seed, name in itertools.product((BARS, OTHERS), seeds, args.zones):
         truth = truth_of_generated(GENERATED[name])
-        for n, error_m in CASES:
+        for n, error_m in cases:
             if (name, seed, n, error_m) not in known:
                 traces = generated_traces(GENERATED[name], n, error_m=error_m, interval_s=INTERVAL_S, seed=seed)
                 figures = truth.row(fit_lane_structure(traces, spec=LaneStructureSpec()))

@@ -26,6 +26,7 @@ from wzsumo.sensing.gnss import GnssSpec, report
 COUNTS = (1, 2, 3, 5, 10, 20, 30, 100)
 ERRORS_M, ERRORS_ALONE_M = (0.0, 0.5, 1.0, 2.0), (0.0, 1.0, 2.0)
 COUNTS_OF_THE_BARS = (5, 10, 30, 100)
+BARS = ((5, 0.0), (10, 0.0), (30, 1.0), (100, 2.0))
 USUAL_INTERVAL_S = 1.0
 OTHER_INTERVALS_S, SAMPLED_COUNTS, SAMPLED_ERRORS_M = (0.1, 3.0), (5, 30), (0.0, 1.0)
 PLANNED = {(5, 0.0), (30, 1.0), (100, 2.0)}  # at the usual interval, on joined maps
@@ -84,6 +85,7 @@ COLUMNS = [
 def _groups_of_cases() -> list[list[tuple[int, float, float, str]]]:
     joined = list(itertools.product(COUNTS, ERRORS_M, (USUAL_INTERVAL_S,), ("joined",)))
     of_the_bars = [case for case in joined if case[0] in COUNTS_OF_THE_BARS and case[1] in ERRORS_ALONE_M]
+    of_the_bars += [(n, error_m, USUAL_INTERVAL_S, "alone") for n, error_m in BARS]
     alone = list(itertools.product(COUNTS, ERRORS_ALONE_M, (USUAL_INTERVAL_S,), ("alone",)))
     sampled = list(itertools.product(SAMPLED_COUNTS, SAMPLED_ERRORS_M, OTHER_INTERVALS_S, ("joined",)))
     return [of_the_bars, joined, sampled, alone]
