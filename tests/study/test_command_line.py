@@ -10,6 +10,7 @@ import pytest
 
 from wzsumo.cli import main
 from wzsumo.grid import blank_grid, read_map, write_map
+from wzsumo.study.scenario import load_scenario
 
 PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 
@@ -92,6 +93,12 @@ def test_barrier_beside_the_work_raises_the_discharge_by_what_the_manual_gives_f
     spec = paper_with(tmp_path, device='device = "drum"\nwork_space_device = "barrier"')
     _, out, _ = run(capsys, "capacity", spec, "--json")
     assert json.loads(out)["queue_discharge_pcphpl"] == 1783.5 + 194  # f_Br, HCM 7, Eq. 10-8
+
+
+def test_zone_posted_below_a_freeways_speed_keeps_its_fitted_drivers(tmp_path):
+    # HCM 7, Eq. 10-8 gives the discharge without a speed; `capacity` alone needs a freeway's free-flow speed.
+    slow = load_scenario(paper_with(tmp_path, posted_speed_mph="posted_speed_mph = 45"))
+    assert slow.zone_simulation().demand.drivers == load_scenario(PAPER).zone_simulation().demand.drivers
 
 
 def test_capacity_of_a_street_is_refused_in_one_line_with_the_models_range(tmp_path, capsys):
