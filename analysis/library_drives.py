@@ -28,6 +28,14 @@ KEPT = (
     "outcome", "reason", "plan_status", "plan_speed_mps", "precision", "recall", "iou", "plan_ms", "n_expansions",
     "path_length_m", "drive_time_s", "max_cross_track_m", "case_cpu_s",
 )  # fmt: skip
+# Column of the printed tables, outcome that it counts.
+COUNTED = {
+    "reached": ("REACHED_GOAL",),
+    "struck a device": ("STRUCK_DEVICE",),
+    "in closed area": ("ENTERED_CLOSED_AREA",),
+    "collided": ("COLLIDED",),
+    "other": ("LEFT_PAVEMENT", "NO_PATH", "TIMED_OUT", "REFUSED"),
+}
 # Column of the printed tables, column of rows.csv, and what is printed of several drives.
 SHOWN = {
     "clearance m": ("driven_min_clearance_devices_m", "min"),
@@ -37,7 +45,6 @@ SHOWN = {
     "braking m/s2": ("driven_max_braking_mps2", "max"),
     "jerk m/s3": ("driven_max_jerk_mps3", "max"),
     "off path m": ("max_cross_track_m", "max"),
-    "mean speed m/s": ("driven_mean_speed_mps", "median"),
     "delay behind s": ("driven_delay_behind_per_vehicle_s", "median"),
 }
 
@@ -113,17 +120,16 @@ def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
 
 
 def print_tables(table: pd.DataFrame) -> None:
-    """Markdown: a table of each speed and method with the worst drive of each scenario, or the median one."""
-    for (speed, method), part in table.groupby(["speed", "method"]):
-        outcomes = ", ".join(f"{name} {n}" for name, n in part["outcome"].value_counts().items())
-        print(f"\n**{method}, {'10 m/s' if speed == '10' else 'posted speed'}**: n = {len(part)}, {outcomes}\n")
-        print(f"| scenario | n | reached | {' | '.join(SHOWN)} |\n|---|{'---:|' * (2 + len(SHOWN))}")
-        for name, drives in part.groupby("scenario"):
+    """Markdown: a table of each method and speed with the worst drive of each scenario, or the median one, then what failed."""
+    for (method, speed), part in table.groupby(["method", "speed"]):
+        print(f"\n**{method}, {'10 m/s' if speed == '10' else 'posted speed'}**\n")
+        print(f"| scenario | n | {' | '.join([*COUNTED, *SHOWN])} |\n|---|{'---:|' * (1 + len(COUNTED) + len(SHOWN))}")
+        for name, drives in [*part.groupby("scenario"), ("all", part)]:
+            counts = [str(drives["outcome"].isin(outcomes).sum()) for outcomes in COUNTED.values()]
             shown = [f"{drives[column].agg(which):.2f}" for column, which in SHOWN.values()]
-            reached = int((drives["outcome"] == "REACHED_GOAL").sum())
-            print(f"| `{name}` | {len(drives)} | {reached} | {' | '.join(shown)} |")
-        for row in part[part["outcome"] != "REACHED_GOAL"].itertuples():
-            print(f"\n- `{row.scenario}`, seed {row.seed}: {row.outcome}, {row.reason}")
+            print(f"| {name} | {' | '.join([str(len(drives)), *counts, *shown])} |")
+    for row in table[table["outcome"] != "REACHED_GOAL"].itertuples():
+        print(f"\n- {row.scenario}, {row.method}, {row.speed}, seed {row.seed}: {row.outcome}, {row.reason}")
 
 
 if __name__ == "__main__":
