@@ -1,6 +1,6 @@
 """Do automated vehicles become moving bottlenecks? Throughput and delay with 0, 5, 20 and 50 % of them, at two speeds.
 
-python analysis/moving_bottleneck.py --scenario scenarios/paper.toml --first 21 --seeds 3 --out results/moving_bottleneck
+python analysis/moving_bottleneck.py --scenario scenarios/paper.toml --first 91 --seeds 3 --out results/moving_bottleneck
 
 An automated vehicle drives like all others up to the announced zone; between its first and last device it goes no faster than
 the speed that is studied (Chen, Luo & Feng 2022 drive 10 m/s). SUMO counts no delay against a limit that a vehicle has of its
@@ -33,7 +33,7 @@ COLOURS = ("#0072B2", "#D55E00")  # Okabe & Ito
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", type=Path, default=Path(__file__).parents[1] / "scenarios" / "paper.toml")
-    parser.add_argument("--first", type=int, default=21)
+    parser.add_argument("--first", type=int, default=91)
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--out", type=Path, default=Path("results/moving_bottleneck"))
     args = parser.parse_args()
