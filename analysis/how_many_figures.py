@@ -35,9 +35,9 @@ def draw_quality(rows: pd.DataFrame, path: Path) -> None:
     axes[0].set_ylabel("overlap with the truth (IoU)")
     axes[0].legend(title="GNSS error", loc="lower right")
     n_maps = rows.groupby(["map", "n_traces", "error_m"]).size()
-    least, most = n_maps.min(), n_maps.max()
+    sizes = sorted({n_maps.min(), n_maps.max()})
     figure.suptitle(
-        f"median and middle half of {least if least == most else f'{least} to {most}'} maps a point ({rows['zone'].nunique()} SUMO zones, "
+        f"median and middle half of {' to '.join(map(str, sizes))} maps a point ({rows['zone'].nunique()} SUMO zones, "
         "one fix a second)",
         fontsize=10,
     )
