@@ -60,7 +60,7 @@ def drive_path(
     which no path leads on ends the run.
     """
     surroundings, record = Surroundings(layout, drive.vehicle), _Record()
-    with running(files.config, options=_finer_steps(files), in_window=drive.in_window) as session:
+    with running(files.config, options=_options(files), in_window=drive.in_window) as session:
         while session.time < drive.depart_s:
             session.step()
         state = _enter(session, path, layout=layout, files=files, drive=drive)
@@ -137,8 +137,10 @@ def _behind(state: EgoState, traffic: Traffic) -> tuple[str, ...]:
     return tuple(name for name, is_behind in zip(near.ids, ahead < BESIDE_M, strict=True) if is_behind)
 
 
-def _finer_steps(files: SumoFiles) -> tuple[str, ...]:
-    return ("--step-length", f"{STEP_S:g}", "--default.action-step-length", f"{max(files.step_length, STEP_S):g}")
+def _options(files: SumoFiles) -> tuple[str, ...]:
+    """Finer steps, in which the others act as often as without the ego; no warnings, for who brakes how hard is measured."""
+    action_s = max(files.step_length, STEP_S)
+    return ("--step-length", f"{STEP_S:g}", "--default.action-step-length", f"{action_s:g}", "--no-warnings")
 
 
 def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive) -> EgoState | None:
