@@ -9,6 +9,7 @@ PythonRobotics' Hybrid A* took 391 s on this problem in one run with helped sett
 """
 
 import argparse
+import importlib.util
 import json
 import os
 import statistics
@@ -74,9 +75,7 @@ def floor(grid: OccupancyGrid, goal: Pose, n: int) -> list[float]:
 
 def pathplanning_run(grid: OccupancyGrid, start: Pose, goal: Pose) -> Callable[[], object] | None:
     """The best of five settings tried on this problem: 0.5 m cells, 72 headings, arcs of 1 m; its pose is the centre."""
-    try:
-        import pathplanning  # noqa: F401 - only whether it is there
-    except ImportError:
+    if importlib.util.find_spec("pathplanning") is None:
         return None
     from pathplanning.core.contracts import ContinuousProblem, GoalState
     from pathplanning.core.params import HybridAStarParams

@@ -34,9 +34,9 @@ def driven_past(posts, *, depth_error, every=2.0, metres=40.0):
     return held
 
 
-def test_post_that_was_passed_stands_where_its_bearings_meet_although_its_depth_is_off():
+def test_post_stands_where_its_bearings_meet_although_its_depth_is_off():
     post = np.array([[25.0, -8.0, 0.5]])
-    held = driven_past(post, depth_error=0.05)
+    held = driven_past(post, depth_error=0.05, every=0.5, metres=15.0)
     np.testing.assert_allclose(held.places, post[:, :2], atol=0.006)
 
 
