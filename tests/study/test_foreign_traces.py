@@ -8,7 +8,10 @@ import pandas as pd
 import pytest
 
 from wzsumo.cli import main
-from wzsumo.grid import UNKNOWN, read_map
+from wzsumo.crowd_mapping.map_before import MapBefore
+from wzsumo.grid import UNKNOWN, blank_grid, read_map
+from wzsumo.road import RoadSpec
+from wzsumo.study.road_before import with_road_outside
 from wzsumo.study.scenario import load_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -234,3 +237,11 @@ def test_traces_against_the_road_are_refused_in_one_line(tmp_path, capsys):
     code, _, err, _ = joined_map_of(capsys, tmp_path, table=crowd(reverse=True))
     assert code == 2
     assert "traces.csv: most vehicles drive against the road" in err
+
+
+def test_road_before_is_free_outside_the_announced_zone_and_as_the_map_says_inside():
+    road = RoadSpec(lane_count=2, left_shoulder_ft=10, right_shoulder_ft=10, length_ft=1000).build()
+    unknown = blank_grid((0.0, -5.0, road.length, 15.0), resolution=0.5, p_occupied=0.5)
+    joined = with_road_outside(unknown, MapBefore(road=road, start=100.0, end=200.0))
+    (rows, cols) = joined.cell_of([(50.0, 3.0), (150.0, 3.0), (250.0, 3.0), (50.0, -3.0)])
+    assert joined.p_occupied[rows, cols].tolist() == [0.0, 0.5, 0.0, 0.5]
