@@ -103,7 +103,7 @@ def kernels_s(study: Study) -> float:
         used = reported_traces(over_zone, case.scenario, which="used")
 
         def kernels() -> None:
-            crowd = learn_from(used, spec=case.scenario.mixture, seed=case.scenario.seed)
+            crowd = learn_from(used, road=site.layout.road, spec=case.scenario.mixture, seed=case.scenario.seed)
             grid = map_of_zone(case.method, crowd, scenario=case.scenario, site=site)
             plan_for(case.method, grid, scenario=case.scenario, site=site, crowd=crowd)
 

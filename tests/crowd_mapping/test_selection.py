@@ -80,6 +80,7 @@ def test_components_grow_with_the_length_of_the_zone():
     assert default_k_max(657.0) == 30
     assert default_k_max(1314.0) == 60
     assert default_k_max(0.0) == 2
+    assert default_k_max(1e6) == 200
 
 
 def test_no_component_at_all_is_refused():

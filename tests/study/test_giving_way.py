@@ -62,10 +62,17 @@ def test_ego_does_not_wait_for_a_driver_who_is_past_when_it_comes_over():
     assert waiting_place(way(slope=0.1), one_vehicle(12, MIDDLE, speed=30)) is None
 
 
-@pytest.mark.parametrize(("behind_m", "waits"), [(38, True), (46, False)])
+@pytest.mark.parametrize(("behind_m", "waits"), [(41, True), (49, False)])
 def test_ego_waits_for_the_driver_behind_who_could_not_brake_and_for_no_other(behind_m, waits):
-    # The ego comes over after 1.1 to 1.25 s. Closing at 10 m/s the other is 12 m nearer by then and needs
-    # 2 + 10 + 100 / 8 = 24.5 m besides half the lengths of both, 4.7 m: 41 m behind is the border.
+    # The ego comes over after 1.4 to 1.6 s. Closing at 10 m/s the other is 15 m nearer by then and needs
+    # 2 + 10 + 100 / 8 = 24.5 m besides half the lengths of both, 4.7 m: 44 m behind is the border.
+    assert (waiting_place(way(slope=0.08), one_vehicle(-behind_m, MIDDLE, speed=20)) is not None) == waits
+
+
+@pytest.mark.parametrize(("behind_m", "waits"), [(28, True), (37, False)])
+def test_ego_that_cannot_wait_any_more_goes_on_before_who_can_still_brake(behind_m, waits):
+    # It comes over in 11.4 m: to wait it would have to brake at 100 / (2 x 10.4) = 4.8 m/s2. After 1.1 to 1.25 s the other is
+    # 12 m nearer and needs 0.5 + 10 + 100 / 18 = 16.1 m besides half the lengths of both, 4.7 m: 33 m behind is the border.
     assert (waiting_place(way(slope=0.1), one_vehicle(-behind_m, MIDDLE, speed=20)) is not None) == waits
 
 

@@ -10,6 +10,7 @@ from wzsumo.study.scenario import load_scenario
 from wzsumo.study.site import prepare_site
 
 RIGHT, MIDDLE = 1.83, 5.49  # m, centres of the two right lanes
+PAPER_ROAD = load_scenario("scenarios/paper.toml").layout().road
 
 
 @pytest.fixture(scope="module")
@@ -17,15 +18,15 @@ def site():
     return prepare_site(load_scenario("scenarios/paper.toml"))  # its goal lies in the middle lane
 
 
-def crowd_of(traces, stretches):
-    """A crowd whose mixture has one component a stretch (from x, to x, y)."""
+def crowd_of(traces, stretches, *, road=PAPER_ROAD):
+    """A crowd whose mixture has one component a stretch (from station, to station, offset)."""
     first, last, y = np.array(stretches).T
     variances = [np.diag([length**2 / 12, 0.01]) for length in last - first]
     mixture = Mixture(
         weights=np.full(len(y), 1 / len(y)), means=np.column_stack([(first + last) / 2, y]), covariances=np.array(variances),
         log_likelihood=0.0, n_points=100, converged=True,
     )  # fmt: skip
-    return Crowd(traces=traces, sweep=None, mixture=mixture, samples=np.empty((0, 2)))
+    return Crowd(traces=traces, road=road, sweep=None, mixture=mixture, samples=np.empty((0, 2)))
 
 
 def inner_lines(crowd, site):
@@ -71,3 +72,16 @@ def test_lines_of_all_come_second(site):
     guides = guides_for(crowd, site=site)
     assert len(guides) == 2
     assert len(guides[1]) == len(nominal_guide(site)) + len(STRETCHES)
+
+
+def test_line_on_a_bend_follows_it():
+    site = prepare_site(load_scenario("scenarios/paper_bend_300m.toml"))
+    road = site.layout.road
+    s = np.arange(0.0, road.length)
+    trace = pd.DataFrame(road.to_xy(s, np.full_like(s, MIDDLE)), columns=["x_m", "y_m"]).assign(vehicle_id="v", time_s=s / 20)
+    guide = guides_for(crowd_of(trace, [(600, 700, MIDDLE)], road=road), site=site)[0]
+    points = guide[len(nominal_guide(site)) :].mean(axis=1)  # the middles of its lines, where chords leave an arc the farthest
+    stations, offsets = road.to_sd(points)
+    assert stations.min() < 610
+    assert stations.max() > 690
+    assert offsets == pytest.approx(MIDDLE, abs=0.03)

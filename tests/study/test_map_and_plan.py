@@ -28,7 +28,7 @@ def crowd_of(traces):
         weights=np.ones(1), means=np.array([[780.0, MIDDLE]]), covariances=np.diag([640**2 / 12, 0.01])[None],
         log_likelihood=0.0, n_points=100, converged=True,
     )  # fmt: skip
-    return Crowd(traces=traces, sweep=None, mixture=mixture, samples=np.empty((0, 2)))
+    return Crowd(traces=traces, road=PAPER.layout().road, sweep=None, mixture=mixture, samples=np.empty((0, 2)))
 
 
 def width_of(ground, site):

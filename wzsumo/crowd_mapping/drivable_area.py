@@ -1,25 +1,34 @@
-"""From the density of vehicle centres to the area that may be driven on: the paper's squares and the swept region."""
+"""From the density of vehicle centres to the area that may be driven on: the paper's squares and the swept region.
+
+The mixtures are those of stations and offsets on a road: a lane is straight there, however the road bends, and a component
+follows it. In x and y one that spans 80 m of a bend of 300 m radius leaves it by 2.7 m.
+"""
 
 import math
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 from pydantic import Field
 
 from wzsumo.crowd_mapping.mixture import Mixture
+from wzsumo.crowd_mapping.selection import MOST_COMPONENTS
 from wzsumo.frames import FloatArray
-from wzsumo.grid import UNKNOWN, OccupancyGrid
+from wzsumo.grid import UNKNOWN, OccupancyGrid, cells_inside
+from wzsumo.road import Road
 from wzsumo.spec import Spec
 
 STRAY_SHARE = 0.05  # of the mean number of fixes a metre; speeds in a zone differ by a factor of two or three, not of twenty
+OUTLINE_STEP_M = 5.0  # between the points of a stretch's outline: on a radius of 300 m its chords are 1 cm off
 BoolArray = npt.NDArray[np.bool_]
-CELLS_AT_ONCE = 1_000_000  # of one stretch: a diagonal one on a fine map would need gigabytes
+_CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # of a rectangle, in half sides
 
 
 class MixtureSpec(Spec):
     """How many components are tried, and how the fitted mixture becomes an area."""
 
-    k_max: int = Field(30, ge=1, le=200)  # Chen et al. 2022 show K up to about 30
+    # None: 30 for each 657 m, the zone of Chen et al. 2022, who show K up to about 30; see `selection.default_k_max`.
+    k_max: int | None = Field(None, ge=1, le=MOST_COMPONENTS)
     criterion: str = Field("bic", pattern="^(bic|aic)$")  # ibid.: "the lowest AIC and BIC"
     n_samples: int = Field(5000, ge=1)  # ibid.
     mass_share: float = Field(0.95, gt=0, lt=1)  # ibid.: samples within the 95 % confidence interval
@@ -75,26 +84,28 @@ def squares_map(samples: npt.ArrayLike, *, side_m: float, grid: OccupancyGrid) -
     return grid.with_p_occupied(~covered)
 
 
-def swept_map(mixture: Mixture, *, half_width_m: float, spec: MixtureSpec, grid: OccupancyGrid) -> OccupancyGrid:
-    """The stretches of lane that vehicle centres keep to, widened by half a vehicle: 0 there, unknown elsewhere.
+def swept_map(mixture: Mixture, *, road: Road, half_width_m: float, spec: MixtureSpec, grid: OccupancyGrid) -> OccupancyGrid:
+    """The stretches of `road` that vehicle centres keep to, widened by half a vehicle: 0 there, unknown elsewhere.
 
     A component stands for a stretch of lane: uniform along, so that it is 2 sqrt(3) standard deviations long (its ellipse
     would overshoot a kink of the lane by a fifth of that), and across as wide as the ellipse of `mass_share`, but taken to be
     at least `driver_sd_m` wide: a few traces cannot show how drivers scatter, and one alone gives a width of nothing.
     Components that gather strays (`stands_for_a_stretch`) are left out.
     """
-    free = np.zeros(grid.shape, dtype=bool)
     across = math.sqrt(-2 * math.log(1 - spec.mass_share))
     driven = stands_for_a_stretch(mixture)
-    for mean, covariance in zip(mixture.means[driven], mixture.covariances[driven], strict=True):
-        variances, axes = np.linalg.eigh(covariance)  # ascending: across, along
-        half = np.array([across, math.sqrt(3)]) * np.maximum(np.sqrt(np.maximum(variances, 0)), spec.driver_sd_m)
-        _mark_stretch(free, grid, mean=mean, axes=axes, half=half, around=half_width_m)
+    variances, axes = np.linalg.eigh(mixture.covariances[driven])  # ascending: across, along
+    spreads = np.maximum(np.sqrt(np.maximum(variances, 0)), spec.driver_sd_m)
+    half_sides = (spreads * [across, math.sqrt(3)])[:, None, :] * axes
+    corners = mixture.means[driven][:, None] + _CORNERS @ half_sides.swapaxes(1, 2)
+    outlines = shapely.segmentize(shapely.polygons(corners), OUTLINE_STEP_M)
+    stretches = shapely.transform(outlines, lambda points: road.to_xy(*points.T))
+    free = cells_inside(grid, shapely.union_all(shapely.buffer(stretches, half_width_m)))
     return grid.with_p_occupied(np.where(free, np.float32(0.0), np.float32(UNKNOWN)))
 
 
 def driven_lines(mixture: Mixture) -> FloatArray:
-    """Lines (K, 2, 2), ends x, y [m], in the middle of the stretches that the components stand for, as in `swept_map`."""
+    """Lines (K, 2, 2), ends (station, offset) [m], in the middle of the stretches that the components stand for."""
     driven = stands_for_a_stretch(mixture)
     variances, axes = np.linalg.eigh(mixture.covariances[driven])
     half = math.sqrt(3) * np.sqrt(np.maximum(variances[:, 1], 0))[:, None] * axes[:, :, 1]
@@ -110,16 +121,3 @@ def stands_for_a_stretch(mixture: Mixture) -> BoolArray:
     """
     length = 2 * math.sqrt(3) * np.sqrt(np.linalg.eigvalsh(mixture.covariances)[:, 1])
     return np.asarray(mixture.weights >= STRAY_SHARE * length / length.sum())
-
-
-def _mark_stretch(
-    free: BoolArray, grid: OccupancyGrid, *, mean: FloatArray, axes: FloatArray, half: FloatArray, around: float
-) -> None:
-    """Set the cells whose centre lies within `around` of the rectangle of half sides `half` (2,) along the columns of axes."""
-    extent = np.abs(axes) @ half + around
-    (row_0, row_1), (col_0, col_1) = grid.cell_of([mean - extent, mean + extent])
-    rows = np.arange(max(row_0, 0), min(row_1 + 1, grid.shape[0]))
-    cols = np.arange(max(col_0, 0), min(col_1 + 1, grid.shape[1]))
-    for part in np.array_split(rows, max(1, rows.size * cols.size // CELLS_AT_ONCE)):
-        local = (grid.centre_of(part[:, None], cols[None, :]) - mean) @ axes
-        free[np.ix_(part, cols)] |= np.hypot(*np.maximum(np.abs(local) - half, 0.0).transpose(2, 0, 1)) <= around

@@ -21,6 +21,7 @@ from wzsumo.frames import FloatArray
 
 Criterion = Literal["aic", "bic"]
 COMPONENTS_PER_METRE = 30 / 657  # K = 1..30 on the 657 m of the zone of Chen et al. 2022
+MOST_COMPONENTS = 200  # 4.4 km; the time that a sweep takes grows with the square
 SWEEP_TOLERANCE = 2e-4  # a warm start ends closer than TOLERANCE's 1e-3 at no more iterations (analysis/benchmarks/mixture.py)
 SWEEP_ITERATIONS = 100
 # More points, iterations or trials than these lowered the best BIC by less than 0.1 % for twice the time (ibid.).
@@ -80,7 +81,7 @@ def sweep_mixtures(
 
 def default_k_max(length_m: float) -> int:
     """Largest number of components worth trying for points that extend over `length_m`."""
-    return max(2, int(np.ceil(COMPONENTS_PER_METRE * length_m)))
+    return min(max(2, int(np.ceil(COMPONENTS_PER_METRE * length_m))), MOST_COMPONENTS)
 
 
 class _Fits:

@@ -71,10 +71,16 @@ def run_case(
     collected = reported_traces(over_zone, scenario, which="collected")
     used = reported_traces(over_zone, scenario, which="used")
     write_traces(collected, used=used, folder=folder)
-    with clock.timing("mixture"), progress("mixtures", 2 * scenario.mixture.k_max) as tell:
-        crowd = learn_from(used, spec=scenario.mixture, seed=scenario.seed, progress=lambda done, _: tell(done))
+    with clock.timing("mixture"), progress("mixtures", 1.0) as tell:
+        crowd = learn_from(
+            used,
+            road=site.layout.road,
+            spec=scenario.mixture,
+            seed=scenario.seed,
+            progress=lambda done, total: tell(done / total),
+        )
     write_crowd(crowd, folder)
-    arriving = arriving_crowds(over_zone, scenario)
+    arriving = arriving_crowds(over_zone, scenario, site)
 
     chosen, results = list(methods), {}
     load_kernels()  # not part of what planning takes

@@ -10,6 +10,7 @@ import pandas as pd
 from wzsumo.crowd_mapping.drivable_area import MixtureSpec
 from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
 from wzsumo.crowd_mapping.map_before import MapBefore
+from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.usable_traces import usable_traces
 from wzsumo.errors import InputError
 from wzsumo.grid import OccupancyGrid, blank_grid, write_map
@@ -118,8 +119,14 @@ def _by_mixture(
 ) -> tuple[OccupancyGrid, dict[str, Any]]:
     spec = MixtureSpec()
     part = traces.iloc[:: max(1, -(-len(traces) // MIXTURE_FIXES))]
-    with progress("mixtures", 2 * spec.k_max) as tell:
-        crowd = learn_from(part, spec=spec, seed=seed, progress=lambda done, _: tell(done))
+    with progress("mixtures", 1.0) as tell:
+        crowd = learn_from(
+            part,
+            road=reference_line_from_traces(part),
+            spec=spec,
+            seed=seed,
+            progress=lambda done, total: tell(done / total),
+        )
     grid = MAP_METHODS[method](crowd, spec=spec, cells=cells, half_width_m=half_width_m, before=None, seed=seed)
     return grid, {"n_components": crowd.mixture.n_components}
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from wzsumo.control.car_following import Leader
+from wzsumo.control.car_following import STOP_MARGIN_M, Leader
 from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray, advance, wrap_angle
 from wzsumo.grid import BoolArray
@@ -20,6 +20,8 @@ from wzsumo.work_zone import WorkZoneLayout
 FORESIGHT_S = 5.0  # comfortable braking from 10 m/s at 2 m/s2
 TIME_STEP_S = 0.25
 SAFE_DECELERATION_MPS2 = 4.0  # asked of the driver behind; b_safe of Kesting, Treiber & Helbing 2007 (MOBIL), Table 1
+EMERGENCY_DECELERATION_MPS2 = 9.0  # of cars, SUMO's emergencyDecel; what is left to the others when it is too late to wait
+EMERGENCY_MARGIN_M = 0.5
 REACTION_TIME_S = 1.0  # of the driver behind; SUMO's default tau
 SIDE_MARGIN_M = 0.3  # the same that other drivers keep beside the ego
 END_MARGIN_M = 2.0  # standstill gap of the intelligent driver model, Treiber et al. 2000
@@ -88,6 +90,9 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> floa
     along its path with the speed that it would take up. It comes into another's way when it moves to the side so far that
     their bodies would meet; then the other must be past, or so far behind that it can brake to the ego's speed with
     SAFE_DECELERATION_MPS2 after REACTION_TIME_S. Whoever is in the ego's way already follows it, or is followed.
+
+    Where the ego itself would have to brake harder than that for it, it goes on before whoever can still yield in an emergency:
+    an ego that brakes while it comes over is what they would run into.
     """
     traffic = traffic.near(way.state.x, way.state.y, reach_m=_BEHIND_M)
     if not traffic.ids:
@@ -108,13 +113,16 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> floa
     half_length = (traffic.lengths + way.vehicle.length_m) / 2
     closing_behind = np.maximum(theirs - own_speeds[entry], 0.0)
     closing_ahead = np.where(theirs < 0, own_speeds[entry] - theirs, 0.0)
-    clear = (at_entry - half_length > _room(closing_ahead)) | (-at_entry - half_length > _room(closing_behind))
+    places = _place_of_level(path_stations, side_gap, level, entry)
+    distance = np.maximum(places - way.station - STOP_MARGIN_M, 1e-3)
+    too_late = way.state.speed**2 / (2 * distance) > SAFE_DECELERATION_MPS2
+    room_ahead, room_behind = (_room(closing, too_late=too_late) for closing in (closing_ahead, closing_behind))
+    clear = (at_entry - half_length > room_ahead) | (-at_entry - half_length > room_behind)
     # Who stands still may be waiting for the ego: it goes on unless it would touch.
     touches = _touches(ahead, aside, own[:, 2], traffic=traffic, vehicle=way.vehicle)
     hindered = moved_into.any(axis=1) & np.where(np.abs(theirs) < STANDING_MPS, touches, ~clear)
     if not hindered.any():
         return None
-    places = _place_of_level(path_stations, side_gap, level, entry)
     return float(places[hindered].min() - way.station)
 
 
@@ -144,9 +152,11 @@ def _place_of_level(stations: FloatArray, side_gap: FloatArray, level: FloatArra
     return np.asarray(stations[before] + share * (stations[entry] - stations[before]))
 
 
-def _room(closing: FloatArray) -> FloatArray:
-    """Room [m] that a driver needs who closes in at these speeds [m/s]: to react, and to brake to the ego's speed."""
-    return END_MARGIN_M + closing * REACTION_TIME_S + closing**2 / (2 * SAFE_DECELERATION_MPS2)
+def _room(closing: FloatArray, *, too_late: BoolArray) -> FloatArray:
+    """Room (n,) [m] that drivers need who close in at speeds (n,) [m/s]: to react, and to brake to the ego's speed."""
+    margin = np.where(too_late, EMERGENCY_MARGIN_M, END_MARGIN_M)
+    braking = np.where(too_late, EMERGENCY_DECELERATION_MPS2, SAFE_DECELERATION_MPS2)
+    return np.asarray(margin + closing * REACTION_TIME_S + closing**2 / (2 * braking))
 
 
 def _tracks(station: FloatArray, across: FloatArray, at: FloatArray, *, layout: WorkZoneLayout) -> FloatArray:

@@ -9,6 +9,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
+import shapely
+from shapely import LineString
 
 from wzsumo.crowd_mapping.drivable_area import driven_lines
 from wzsumo.frames import FloatArray
@@ -20,6 +22,7 @@ from wzsumo.study.site import Site
 AT_THE_END_M = 30.0  # over the last stretch of a trace the lane is told that it ended in
 LEAST_DRIVEN = 0.5  # of a line
 BESIDE_M = 0.91  # a quarter of a 12 ft lane: who changes lanes is so near to the line of another for a short way only
+FINE_STEP_M, CHORD_ERROR_M = 5.0, 0.02  # of a line on a bend: its points, and how far chords between some of them leave it
 LINE_STEP_M = 20.0  # on a bend of 300 m radius the chord leaves the arc by 0.17 m
 
 
@@ -32,12 +35,13 @@ def guides_for(crowd: Crowd | None, *, site: Site) -> tuple[FloatArray, ...]:
     nominal = nominal_guide(site)
     if crowd is None:
         return (nominal,)
-    lines = driven_lines(crowd.mixture)
+    lines, road = driven_lines(crowd.mixture), crowd.road
+    of_all = np.concatenate([nominal, *(_on_road(line, road) for line in lines)])
     fellows = bound_for(site.goal[:2], crowd.traces, road=site.layout.road)
-    of_all = np.concatenate([nominal, lines])
     if not len(fellows):
         return (of_all,)
-    return np.concatenate([nominal, lines[_driven_by(fellows[["x_m", "y_m"]].to_numpy(), lines)]]), of_all
+    theirs = lines[_driven_by(np.column_stack(road.to_sd(fellows[["x_m", "y_m"]])), lines)]
+    return np.concatenate([nominal, *(_on_road(line, road) for line in theirs)]), of_all
 
 
 def nominal_guide(site: Site) -> FloatArray:
@@ -63,13 +67,23 @@ def bound_for(goal: tuple[float, float], traces: pd.DataFrame, *, road: Road) ->
     return traces[by_vehicle.isin(same)]
 
 
+def _on_road(line: FloatArray, road: Road) -> FloatArray:
+    """Lines (n, 2, 2) [m] that follow a bend, of one line (2, 2) of stations and offsets."""
+    fine = shapely.get_coordinates(shapely.segmentize(LineString(line), FINE_STEP_M))
+    points = shapely.get_coordinates(LineString(road.to_xy(*fine.T)).simplify(CHORD_ERROR_M))
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
 def _lane_at(offset: npt.ArrayLike, road: Road) -> npt.NDArray[np.intp]:
     centres = np.array([road.lane_centre(lane) for lane in range(road.own_lanes)])
     return np.argmin(np.abs(np.asarray(offset)[..., None] - centres), axis=-1)
 
 
 def _driven_by(fixes: FloatArray, lines: FloatArray) -> BoolArray:
-    """Which lines (n,) have fixes (m, 2) within BESIDE_M of them that span LEAST_DRIVEN of their length or more."""
+    """Which lines (n,) have fixes (m, 2) within BESIDE_M of them that span LEAST_DRIVEN of their length or more.
+
+    Both are in stations and offsets.
+    """
     way = lines[:, 1] - lines[:, 0]
     length = np.maximum(np.hypot(*way.T), 1e-9)
     ahead = way / length[:, None]

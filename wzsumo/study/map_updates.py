@@ -24,7 +24,7 @@ class ArrivingCrowd:
     crowd: Crowd
 
 
-def arriving_crowds(over_zone: pd.DataFrame, scenario: Scenario) -> tuple[ArrivingCrowd, ...]:
+def arriving_crowds(over_zone: pd.DataFrame, scenario: Scenario, site: Site) -> tuple[ArrivingCrowd, ...]:
     """The crowds of the maps that arrive on the way; `over_zone` is what `traces_over_zone` gives.
 
     Raises SpecError where fewer equipped vehicles passed than a map asks for.
@@ -35,9 +35,8 @@ def arriving_crowds(over_zone: pd.DataFrame, scenario: Scenario) -> tuple[Arrivi
     for arrival in scenario.map_updates.arrivals:
         more = scenario.model_copy(update={"crowd": scenario.crowd.model_copy(update={"used": arrival.used})})
         traces = reported_traces(over_zone, more, which="used")
-        found.append(
-            ArrivingCrowd(after_s=arrival.after_s, crowd=learn_from(traces, spec=scenario.mixture, seed=scenario.seed))
-        )
+        crowd = learn_from(traces, road=site.layout.road, spec=scenario.mixture, seed=scenario.seed)
+        found.append(ArrivingCrowd(after_s=arrival.after_s, crowd=crowd))
     return tuple(found)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from wzsumo.crowd_mapping.augmentation import with_copies
@@ -13,29 +14,35 @@ from wzsumo.crowd_mapping.selection import MixtureSweep, sweep_mixtures
 from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.plan import PlannerSpec
+from wzsumo.road import Road
 
 PAPER_INFLATION_M = 0.7  # Chen et al. 2022, both mapping branches; the paper plans for a point on that map
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crowd:
-    """What the crowd's traces gave: the traces, the mixtures tried, the one chosen, the samples drawn from it."""
+    """What the crowd's traces gave: the traces, the mixtures tried, the one chosen, the samples drawn from it.
+
+    The mixtures are of stations and offsets [m] on `road`, the samples (n, 2) are x, y [m].
+    """
 
     traces: pd.DataFrame
+    road: Road
     sweep: MixtureSweep
     mixture: Mixture
     samples: FloatArray
 
 
 def learn_from(
-    traces: pd.DataFrame, *, spec: MixtureSpec, seed: int, progress: Callable[[int, int], None] | None = None
+    traces: pd.DataFrame, *, road: Road, spec: MixtureSpec, seed: int, progress: Callable[[int, int], None] | None = None
 ) -> Crowd:
-    """The mixture of the traces' points, chosen by AIC or BIC over K = 1..k_max, and samples from its 95 % region."""
+    """The mixture of the traces' points on `road`, chosen by AIC or BIC over K = 1..k_max, and samples from its 95 % region."""
     table = with_copies(traces, copies=spec.copies, driver_sd_m=spec.driver_sd_m, seed=seed) if spec.copies else traces
-    points = table[["x_m", "y_m"]].to_numpy(dtype=float)
+    points = np.column_stack(road.to_sd(table[["x_m", "y_m"]]))
     sweep = sweep_mixtures(points, seed=seed, k_max=spec.k_max, progress=progress)
     mixture = sweep.best("aic" if spec.criterion == "aic" else "bic")
-    return Crowd(traces=traces, sweep=sweep, mixture=mixture, samples=samples_inside(mixture, spec=spec, seed=seed))
+    samples = road.to_xy(*samples_inside(mixture, spec=spec, seed=seed).T)
+    return Crowd(traces=traces, road=road, sweep=sweep, mixture=mixture, samples=samples)
 
 
 def paper_literal(
@@ -59,7 +66,7 @@ def swept(
 ) -> OccupancyGrid:
     """The 95 % region of vehicle centres, swept by the vehicle's width."""
     del before, seed
-    return swept_map(crowd.mixture, half_width_m=half_width_m, spec=spec, grid=cells)
+    return swept_map(crowd.mixture, road=crowd.road, half_width_m=half_width_m, spec=spec, grid=cells)
 
 
 def lanes(

@@ -5,7 +5,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from wzsumo.study.result_folder import ResultFolder
-from wzsumo.study.unrolled import unrolled_points
 from wzsumo.study.zone_axes import BLACK, BLUE, VERMILION, legend_above, new_figure, plain, show_zone
 
 CHI2_95 = 5.991464547107979  # 95 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.05
@@ -41,7 +40,7 @@ def draw_components(run: ResultFolder) -> Figure:
         variances, directions = np.linalg.eigh(covariance)
         ellipse = mean + circle * np.sqrt(CHI2_95 * variances) @ directions.T
         label = None if number else "component, 95 %"
-        axes.plot(*unrolled_points(ellipse, run.road).T, color=BLACK, linewidth=1, label=label, zorder=6)
+        axes.plot(*ellipse.T, color=BLACK, linewidth=1, label=label, zorder=6)
     legend_above(figure, axes)
     return figure
 

@@ -106,7 +106,7 @@ class ResultFolder:
 
     @property
     def mixture(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Weights (k,), means (k, 2) [m] and covariances (k, 2, 2) [m^2] of the chosen mixture."""
+        """Weights (k,), means (k, 2) [m] and covariances (k, 2, 2) [m^2] of the chosen mixture, in stations and offsets."""
         mixture = json.loads((self.folder / "mixture.json").read_text(encoding="utf-8"))
         return np.array(mixture["weights"]), np.array(mixture["means"]), np.array(mixture["covariances"])
 

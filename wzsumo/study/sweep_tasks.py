@@ -146,7 +146,7 @@ class _Shared:
 
     def _crowd(self, scenario: Scenario) -> Crowd:
         used = reported_traces(self._over_zone, scenario, which="used")
-        return learn_from(used, spec=scenario.mixture, seed=scenario.seed)
+        return learn_from(used, road=self._site_of(scenario).layout.road, spec=scenario.mixture, seed=scenario.seed)
 
 
 def _baselines(case: StudyCase, site: Site) -> Baselines:
@@ -168,7 +168,11 @@ def _evaluated(
     else:
         crowd, slam = learned, {}
         plan = plan_to_set_out_with(case.method, grid, scenario=scenario, site=site, crowd=crowd)
-        maps = new_maps(arriving_crowds(over_zone, scenario), case.method, scenario=scenario, site=site) if case.drive else ()
+        maps = (
+            new_maps(arriving_crowds(over_zone, scenario, site), case.method, scenario=scenario, site=site)
+            if case.drive
+            else ()
+        )
     run = _drive(plan, case, site, maps) if case.drive else None
     figures = assess(grid, plan, run, crowd=crowd, over_zone=over_zone, scenario=scenario, site=site)
     figures |= {f"slam_{name}": value for name, value in slam.items()}

@@ -101,6 +101,7 @@ def report_again(folder: Path) -> Figures:
 def warm_up() -> Figures:
     """Compile every numba kernel once, so that no first run waits."""
     from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+    from wzsumo.crowd_mapping.reference_line import axis_of
     from wzsumo.lidar_mapping import slam_map
     from wzsumo.metrics import fleet_conflicts
     from wzsumo.planning import plan
@@ -112,7 +113,7 @@ def warm_up() -> Figures:
     traces = pd.concat(
         pd.DataFrame({"vehicle_id": f"v{n}", "time_s": s / 20, "x_m": s, "y_m": 0.2 * n + 0.01 * np.sin(s)}) for n in range(4)
     )
-    learn_from(traces, spec=MixtureSpec(k_max=4), seed=1)
+    learn_from(traces, road=axis_of(np.array([[0.0, 0.0], [300.0, 0.0]])), spec=MixtureSpec(k_max=4), seed=1)
     cells = blank_grid((-10.0, -10.0, 310.0, 10.0), resolution=0.5, p_occupied=1.0)
     lane_structured_map(traces, spec=LaneStructureSpec(posted_speed_mph=45), grid=cells, seed=1)
     return {"warm": True}
