@@ -6,18 +6,26 @@ import pytest
 from builders import bent_road, paper_layout, paper_work_zone
 
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.simulation.network import LINE_MARGIN_M, edges_of, write_network
+from wzsumo.simulation.edges import edges_of
+from wzsumo.simulation.network import LINE_MARGIN_M, REST_WIDTH_M, write_network
 
 NARROWEST_FT = 8  # a closing lane ends where it is narrower
 
 
+def is_rest(lane):
+    """Whether a lane of the net file is what is left of a closing lane past its end."""
+    return float(lane.get("width")) == REST_WIDTH_M
+
+
 def lanes_of_net(layout, folder):
-    """(edge id, stations, offsets, width) of every lane in the net file, edges in file order, lanes from the right."""
+    """(edge id, stations, offsets, width) of every lane in the net file that leads on or closes, in order, from the right."""
     net = ET.parse(write_network(layout, folder))  # noqa: S314 our own file
     for edge in net.getroot().findall("edge"):
         if edge.get("function") == "internal":
             continue
         for lane in edge.findall("lane"):
+            if is_rest(lane):
+                continue
             points = np.array([p.split(",")[:2] for p in lane.get("shape").split()], dtype=float)
             s, d = layout.road.to_sd(points)
             yield edge.get("id"), s, d, float(lane.get("width")), lane.get("disallow", "")
@@ -56,7 +64,7 @@ def test_lane_centre_lines_in_the_net_match_the_layout_within_1_cm(tmp_path, nam
 
 def test_lanes_of_the_paper_zone_are_three_then_two_then_three():
     layout = paper_layout()
-    counts = {edge.id: len(edge.lanes) for edge in edges_of(layout)}
+    counts = {edge.id: len(edge.through) for edge in edges_of(layout)}
     in_order = list(counts.values())
     assert in_order[0] == in_order[-1] == 3
     changes = [b - a for a, b in pairwise(in_order) if a != b]
@@ -93,7 +101,8 @@ def test_every_lane_but_the_closing_one_leads_on(tmp_path):
     net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 our own file
     leads_on = {(c.get("from"), int(c.get("fromLane"))) for c in net.findall("connection")}
     edges = [e for e in net.findall("edge") if e.get("function") != "internal"]
-    ends = {(e.get("id"), int(lane.get("index"))) for e in edges[:-1] for lane in e.findall("lane")} - leads_on
+    lanes = {(e.get("id"), int(lane.get("index"))) for e in edges[:-1] for lane in e.findall("lane") if not is_rest(lane)}
+    ends = lanes - leads_on
     assert len(ends) == 1
     ((edge, index),) = ends
     assert index == 2

@@ -3,7 +3,7 @@ import pytest
 from builders import paper_layout
 
 from wzsumo.ego import EgoState
-from wzsumo.simulation.network import edges_of
+from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.traffic import Traffic
 from wzsumo.study.lane_intrusion import intrusions
 from wzsumo.vehicle import VehicleGeometry

@@ -9,9 +9,9 @@ import shapely
 from builders import vehicle_outlines
 
 from wzsumo.simulation.drivers import DRIVER_PRESETS
+from wzsumo.simulation.edges import edges_of, opposing_edges_of
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
-from wzsumo.simulation.network import edges_of, opposing_edges_of
 from wzsumo.study.scenario import load_scenario
 
 LIBRARY = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))

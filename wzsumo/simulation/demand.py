@@ -14,7 +14,8 @@ from pydantic import Field, field_serializer, field_validator, model_validator
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray
 from wzsumo.simulation.drivers import BY_THE_HCM, DRIVER_PRESETS, UNCALIBRATED, DriverSpec
-from wzsumo.simulation.network import Edge, write_xml
+from wzsumo.simulation.edges import Edge
+from wzsumo.simulation.network import write_xml
 from wzsumo.spec import Spec
 
 

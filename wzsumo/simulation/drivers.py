@@ -46,12 +46,13 @@ class _Rest:
 
     car_s: float
     accel_mps2: float
+    truck_accel_mps2: float = 0.7
 
 
-_TWO_INTO_ONE = _Rest(car_s=0.80, accel_mps2=1.05)
-_MORE_INTO_ONE = _Rest(car_s=1.02, accel_mps2=0.75)
-_INTO_MORE = _Rest(car_s=1.02, accel_mps2=0.65)
-_TRUCK_REST_S, _TRUCK_ACCEL_MPS2 = 1.22, 0.7  # fitted in one class, 2-to-1 urban, ibid.
+_TWO_INTO_ONE = _Rest(car_s=0.88, accel_mps2=0.9)
+_MORE_INTO_ONE = _Rest(car_s=1.03, accel_mps2=0.65)
+_INTO_MORE = _Rest(car_s=1.20, accel_mps2=0.5, truck_accel_mps2=0.5)
+_TRUCK_REST_S = 1.22  # fitted in one class, 2-to-1 urban, ibid.
 
 
 def hcm_drivers(discharge_pcphpl: float, *, total_lanes: int, open_lanes: int, name: str = BY_THE_HCM.name) -> DriverSpec:
@@ -61,7 +62,7 @@ def hcm_drivers(discharge_pcphpl: float, *, total_lanes: int, open_lanes: int, n
     headway_s = 3600 / discharge_pcphpl
     fitted = {
         "name": name, "tau_s": round(headway_s - rest.car_s, 3), "accel_mps2": rest.accel_mps2,
-        "truck_tau_s": round(TRUCK_EQUIVALENT_PC * headway_s - _TRUCK_REST_S, 3), "truck_accel_mps2": _TRUCK_ACCEL_MPS2,
+        "truck_tau_s": round(TRUCK_EQUIVALENT_PC * headway_s - _TRUCK_REST_S, 3), "truck_accel_mps2": rest.truck_accel_mps2,
         "lc_assertive": 1.3, "lc_lookahead_left": 1.0,
     }  # fmt: skip
     return BY_THE_HCM.model_copy(update=fitted)

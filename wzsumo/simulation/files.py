@@ -10,7 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from wzsumo.simulation.demand import DemandSpec, write_demand
 from wzsumo.simulation.drivers import UNCALIBRATED
-from wzsumo.simulation.network import Edge, edges_of, opposing_edges_of, write_network, write_xml
+from wzsumo.simulation.edges import Edge, edges_of, opposing_edges_of
+from wzsumo.simulation.network import write_network, write_xml
 from wzsumo.spec import Spec
 from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout

@@ -1,12 +1,13 @@
 """WorkZoneLayout -> SUMO network files.
 
-SUMO has no tapered lane: a lane keeps one width along an edge. The road is therefore cut into edges so short that no lane
-changes its width by more than MAX_WIDTH_STEP_M on any of them, each lane with an explicit shape along its true centre.
-Where both directions take turns on one lane, their edges lie on top of each other and a traffic light lets one in at a time.
+Every lane has an explicit shape along its true centre. Beyond the end of a closing lane the rest of its taper stays as a thin
+lane that none leads to: a driver who is still half over the line goes on there. Without it SUMO stops him at the node, where he
+can neither move on nor aside as long as anybody is beside him, and everybody behind waits for good (SUMO 1.28; 2 or 3 of 59
+runs of 25 to 80 minutes at capacity).
+Where both directions take turns on one lane, a traffic light lets one in at a time.
 """
 
 import subprocess
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -15,17 +16,21 @@ import numpy as np
 
 from wzsumo.errors import SimulationError
 from wzsumo.frames import FloatArray
+from wzsumo.simulation.edges import (
+    MERGE_END_WIDTH_M,
+    SAME_STATION_M,
+    Edge,
+    edges_of,
+    opposing_edges_of,
+    width_at,
+)
 from wzsumo.simulation.installation import sumo_binary
 from wzsumo.simulation.turns import SIGNAL_ID, turns_program
-from wzsumo.units import METRES_PER_FOOT, mps_from_mph
+from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import OpenLane, WorkZoneLayout
 
-# What a vehicle jumps sideways where it changes lane on such an edge; SUMO moves up to 0.1 m a step anyway. Half of it costs a
-# sixth more time in the paper's zone and brings hardly fewer jumps: of 56,000 steps 54 instead of 65 are above 0.2 m (seed 22).
-MAX_WIDTH_STEP_M = 0.2
-MERGE_END_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is as narrow as this: a car just fits
-SAME_STATION_M = 0.01
 LAST_CHANGE_AHEAD_M = 100.0  # of closed lanes between two open ones: what is begun there ends before (4 s at 25 m/s)
+REST_WIDTH_M = 0.1  # of a closed lane past its end, of which nothing but its being there matters
 NOBODY = "custom1"  # SUMO's vehicle class that no vehicle type here has
 LINE_MARGIN_M = 0.2  # SUMO lets a vehicle touch its lane's line, and a 12 m truck cuts a kink of 1:30 by 0.1 m
 _NETCONVERT_OPTIONS = (
@@ -33,43 +38,6 @@ _NETCONVERT_OPTIONS = (
     "--no-turnarounds", "--offset.disable-normalization", "--precision", "4", "--default.junctions.radius", "0.1",
     "--junctions.join", "false", "--xml-validation", "never",
 )  # fmt: skip
-
-
-@dataclass(frozen=True, kw_only=True)
-class Edge:
-    """One SUMO edge: stations in metres (start < end), and its lanes in SUMO's order, from the right of who drives on it."""
-
-    id: str
-    start: float
-    end: float
-    lanes: tuple[OpenLane, ...]
-    opposing: bool = False  # driven from `end` to `start`
-
-
-def edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
-    """The edges from the road's start to its end, each with at least one lane."""
-    edges = []
-    for number, (start, end) in enumerate(pairwise(_cuts(layout))):
-        middle = (start + end) / 2
-        lanes = [q for q in layout.lanes if not q.opposing and q.start <= middle < _passable_end(q)]
-        name = next((area.name for area in layout.areas if area.start <= middle < area.end), "")
-        name = name or ("approach" if middle < layout.start else "departure")
-        id_ = f"{number:02d}_{name.replace(' ', '_')}"
-        edges.append(Edge(id=id_, start=start, end=end, lanes=tuple(sorted(lanes, key=lambda q: float(q.right(middle))))))
-    return tuple(edges)
-
-
-def opposing_edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
-    """The edges of the other direction, from the road's end to its start; none on a one-way carriageway."""
-    lanes = tuple(sorted((q for q in layout.lanes if q.opposing), key=lambda q: -float(q.right(0.0))))
-    if not lanes:
-        return ()
-    turns = layout.taking_turns
-    stations = [layout.road.length, *((turns.end, turns.start) if turns else ()), 0.0]
-    return tuple(
-        Edge(id=f"opposing_{number}", start=start, end=end, lanes=lanes, opposing=True)
-        for number, (end, start) in enumerate(pairwise(stations))
-    )
 
 
 def write_network(layout: WorkZoneLayout, folder: Path) -> Path:
@@ -128,20 +96,24 @@ def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
         for index, lane in enumerate(edge.lanes):
             shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _centre_line(layout, lane, edge))
             attributes = {"index": str(index), "width": f"{_width_on(lane, edge):.3f}", "shape": shape}
-            if _is_closing(lane, edge):
+            if lane not in edge.through:
+                attributes["allow"] = "passenger"  # SUMO lets none straddle the line to a lane that bars him
+            elif _is_closing(lane, edge):
                 attributes["disallow"] = "truck"  # wider than the lane's end: trucks merge before the taper
-            # Neighbours in SUMO's order may have closed lanes between them, or soon will have.
-            if index + 1 < len(edge.lanes) and _apart(lane, edge.lanes[index + 1], edge):
-                attributes["changeLeft"] = NOBODY
-            if index > 0 and _apart(edge.lanes[index - 1], lane, edge):
-                attributes["changeRight"] = NOBODY
+            for change, other in (("changeLeft", index + 1), ("changeRight", index - 1)):
+                if 0 <= other < len(edge.lanes) and _is_barred(lane, edge.lanes[other], edge):
+                    attributes[change] = NOBODY
             ET.SubElement(item, "lane", attributes)
     return root
 
 
-def _apart(right: OpenLane, left: OpenLane, edge: Edge) -> bool:
+def _is_barred(lane: OpenLane, beside: OpenLane, edge: Edge) -> bool:
+    """Whether nobody may change to the lane beside: a rest, or one that has closed lanes between, or soon will have."""
+    if edge.opposing or lane not in edge.through:
+        return False
+    right, left = (lane, beside) if edge.lanes.index(lane) < edge.lanes.index(beside) else (beside, lane)
     gap = max(float(left.right(s) - right.left(s)) for s in (edge.start, edge.end, edge.end + LAST_CHANGE_AHEAD_M))
-    return not edge.opposing and gap > SAME_STATION_M
+    return beside not in edge.through or gap > SAME_STATION_M
 
 
 def _connections(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> list[ET.Element]:
@@ -149,7 +121,7 @@ def _connections(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> list[ET.Ele
     found = []
     for before, after in pairwise(edges):
         for index, lane in enumerate(before.lanes):
-            if lane in after.lanes:
+            if lane in before.through and lane in after.through:
                 ends = {"from": before.id, "to": after.id, "fromLane": str(index), "toLane": str(after.lanes.index(lane))}
                 if not _is_entry(before, layout):
                     ends["uncontrolled"] = "true"
@@ -166,45 +138,12 @@ def _is_entry(edge: Edge, layout: WorkZoneLayout) -> bool:
     return abs(stop - here) < SAME_STATION_M
 
 
-def _cuts(layout: WorkZoneLayout) -> FloatArray:
-    """Stations where a lane begins, ends, bends or has changed its width by a step."""
-    breaks = {0.0, layout.road.length}
-    for lane in layout.lanes:
-        s = np.unique(np.concatenate([lane.right.stations, lane.left.stations, [lane.start, _passable_end(lane)]]))
-        s = s[(s >= lane.start) & (s <= _passable_end(lane)) & (s > 0) & (s < layout.road.length)]
-        breaks.update(s.tolist())
-    stations = np.array(sorted(breaks))
-    stations = stations[np.concatenate([[True], np.diff(stations) > 1e-3])]
-    pieces = []
-    for start, end in pairwise(stations):
-        middle = (start + end) / 2
-        on_it = [lane for lane in layout.lanes if not lane.opposing and lane.start <= middle < _passable_end(lane)]
-        change = max(abs(_width(lane, end) - _width(lane, start)) for lane in on_it)
-        n = max(1, int(np.ceil(change / MAX_WIDTH_STEP_M - 1e-6)))
-        pieces.append(start + np.arange(n) / n * (end - start))
-    return np.concatenate([*pieces, stations[-1:]])
-
-
-def _width(lane: OpenLane, s: float) -> float:
-    return float(lane.left(s) - lane.right(s))
-
-
 def _width_on(lane: OpenLane, edge: Edge) -> float:
-    return min(_width(lane, edge.start), _width(lane, edge.end)) - LINE_MARGIN_M
-
-
-def _passable_end(lane: OpenLane) -> float:
-    """Station [m] where a closing lane is down to MERGE_END_WIDTH_M; the lane's own end where it does not close."""
-    if _width(lane, lane.end) >= MERGE_END_WIDTH_M:
-        return lane.end
-    s = np.unique(np.concatenate([lane.left.stations, lane.right.stations, [lane.end]]))
-    s = s[(s >= lane.start) & (s <= lane.end)]
-    widths = lane.left(s) - lane.right(s)
-    return float(np.interp(-MERGE_END_WIDTH_M, -widths, s))
+    return min(width_at(lane, edge.start), width_at(lane, edge.end)) - LINE_MARGIN_M if lane in edge.through else REST_WIDTH_M
 
 
 def _is_closing(lane: OpenLane, edge: Edge) -> bool:
-    return _width(lane, lane.end) < MERGE_END_WIDTH_M and _width(lane, edge.end) < _width(lane, edge.start) - 1e-6
+    return width_at(lane, lane.end) < MERGE_END_WIDTH_M and width_at(lane, edge.end) < width_at(lane, edge.start) - 1e-6
 
 
 def _centre_line(layout: WorkZoneLayout, lane: OpenLane, edge: Edge) -> FloatArray:

@@ -6,7 +6,7 @@ from wzsumo.ego import EgoState
 from wzsumo.frames import advance
 from wzsumo.grid import BoolArray
 from wzsumo.road import Road
-from wzsumo.simulation.network import Edge
+from wzsumo.simulation.edges import Edge
 from wzsumo.simulation.session import SIDE_CLEARANCE_M, Intrusion
 from wzsumo.simulation.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
@@ -28,7 +28,7 @@ def intrusions(
     stations, offsets = road.to_sd(np.vstack([front[:2], vehicle.outline(state.pose)]))
     station, across, lowest, highest = stations[0], offsets[0], float(offsets[1:].min()), float(offsets[1:].max())
     edge = next((edge for edge in edges if edge.start <= station < edge.end), edges[-1])
-    borders = [(float(lane.right(station)), float(lane.left(station))) for lane in edge.lanes]
+    borders = [(float(lane.right(station)), float(lane.left(station))) for lane in edge.through]
     from_centre = np.array([abs((right + left) / 2 - across) for right, left in borders])
     nearest = int(np.argmin(from_centre))
     own = None if (np.delete(from_centre, nearest) < from_centre[nearest] + TIE_M).any() else nearest
@@ -40,7 +40,7 @@ def intrusions(
             continue
         if ((theirs > right) & (theirs < left)).any():
             continue
-        found.append(_stand_in(edge.lanes[index].index, _taken(right, left, lowest, highest), station, state, road))
+        found.append(_stand_in(edge.through[index].index, _taken(right, left, lowest, highest), station, state, road))
     return tuple(found)
 
 
