@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.common_path import fit_common_path, trend_filter
+from wzsumo.crowd_mapping.common_path import fit_common_path
+from wzsumo.crowd_mapping.trend_filter import trend_filter
 
 
 def shifted_course(stations=120):
@@ -29,6 +30,21 @@ def test_course_and_changes_are_found_beside_biases_of_any_size(bias_sd, seed):
     error = path.course - shifted_course()
     assert np.std(error) < 0.12
     np.testing.assert_array_equal(np.rint(path.lanes[:, -1]), -merged.astype(float))
+
+
+def test_merges_are_found_beside_errors_of_2_m_that_turn_on_a_bend():
+    offsets, merged = family(40, seed=2, bias_sd=2.0)
+    random = np.random.default_rng(3)
+    bearing = np.linspace(-1.25, 1.25, 120)
+    turning = np.column_stack([-np.sin(bearing), np.cos(bearing) - 1.0])
+    offsets += 0.45 * random.standard_normal(offsets.shape) + 2.0 * random.standard_normal((40, 2)) @ turning.T
+    offsets[random.random(offsets.shape) < 0.67] = np.nan
+    path = fit_common_path(offsets, width=3.6, weights=np.ones(40), turning=turning)
+    np.testing.assert_array_equal(np.rint(path.lanes[:, -1]), -merged.astype(float))
+    assert path.sizes.error_m == pytest.approx(2.0, rel=0.3)
+    # Taken for drift, the same errors hide merges.
+    straight = fit_common_path(offsets, width=3.6, weights=np.ones(40))
+    assert (np.rint(straight.lanes[:, -1]) != -merged.astype(float)).any()
 
 
 def test_change_of_the_first_guess_is_not_taken_for_the_course():

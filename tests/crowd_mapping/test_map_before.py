@@ -3,7 +3,7 @@ import pytest
 from crowd_mapping.zone_traces import drive, noisy, zone_layout
 
 from wzsumo.crowd_mapping.belief import occupied
-from wzsumo.crowd_mapping.common_path import CommonPath
+from wzsumo.crowd_mapping.common_path import CommonPath, Sizes
 from wzsumo.crowd_mapping.lane_model import LaneStructureSpec, fit_lane_structure, update
 from wzsumo.crowd_mapping.map_before import MapBefore, with_level_ends
 from wzsumo.crowd_mapping.taper_line import Announcement, fit_taper_line
@@ -56,7 +56,8 @@ def test_course_that_most_traces_leave_for_good_becomes_their_change_of_lanes():
     moved = 3.6576 * np.clip((stations - 400) / 100, 0, 1)
     # Six of seven traces move over; the one that stays seems to change lanes to the right.
     lanes = np.vstack([np.zeros((6, 100)), -moved / 3.6576])
-    path = CommonPath(course=moved, lanes=lanes, levels=np.full(7, 5.0), drift_m=0.03, noise_m=0.12, cost=0.0)
+    sizes = Sizes(drift_m=0.03, noise_m=0.12, error_m=0.0)
+    path = CommonPath(course=moved, lanes=lanes, levels=np.full(7, 5.0), sizes=sizes, turning=None, cost=0.0)
     level = with_level_ends(path, stations, before)
     assert np.abs(level.course).max() < 0.05
     np.testing.assert_allclose(level.lanes[-1], 0.0, atol=0.02)

@@ -95,7 +95,7 @@ def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> tuple[Fl
     levels = model.levels
     course = np.interp(s, model.table.stations, model.path.course)
     seen = (model.weights[:, None] * np.isfinite(model.table.offsets)).sum(axis=0)
-    course_sd = model.path.noise_m / np.sqrt(np.maximum(np.interp(s, model.table.stations, seen), 1.0))
+    course_sd = _course_scatter(model, s) / np.sqrt(np.maximum(np.interp(s, model.table.stations, seen), 1.0))
     right = course + levels.right - levels.width / 2
     left = right + levels.n_lanes * levels.width
     right_sd, left_sd = (
@@ -115,6 +115,13 @@ def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> tuple[Fl
         d < left + SEEN_BAND_M + known_left * levels.outer_width
     )
     return 1 - free, seen_at
+
+
+def _course_scatter(model: LaneStructure, s: FloatArray) -> FloatArray:
+    """Standard deviation [m] (n,) of one trace about the course: its noise, and on a bend its constant error as that turns."""
+    path = model.path
+    along = 0.0 if path.turning is None else np.interp(s, model.table.stations, path.turning[:, 0])
+    return np.asarray(np.hypot(path.noise_m, path.sizes.error_m * along) + 0.0 * s)
 
 
 def _beyond(

@@ -1,7 +1,8 @@
 """Lane changes within traces: the likeliest sequence of lanes, relative to the first, beside an offset that may drift.
 
 A trace's own error is unknown but slow, a lane change is quick: a Viterbi search over lanes in which every path carries a
-Kalman filter of the offset ("per-survivor processing", Raheli, Polydoros and Tzou 1995) tells them apart at any error.
+Kalman filter of the offset ("per-survivor processing", Raheli, Polydoros and Tzou 1995) tells them apart at any error. On a
+bend the filter knows how a constant error turns (`turning_errors`).
 """
 
 import numpy as np
@@ -16,14 +17,23 @@ _CLIP = 16.0  # normalised square at which a residual counts as an outlier
 
 
 def relative_lanes(
-    departures: FloatArray, widths: FloatArray, *, drift_variance: float, white_variance: float
+    departures: FloatArray,
+    widths: FloatArray,
+    *,
+    drift_variance: float,
+    white_variance: float,
+    turning: FloatArray | None = None,
+    error_variance: float = 0.0,
 ) -> tuple[FloatArray, float]:
     """Lanes (traces, stations) from each first one, positive to the left, fractional during a change; and the cost of all.
 
     `departures` (traces, stations) [m] are lateral offsets from the common path, NaN where unknown; `widths` (stations,)
-    [m] the lanes' widths; `drift_variance` [m^2] is that of the drift from one station to the next.
+    [m] the lanes' widths; `drift_variance` [m^2] is that of the drift from one station to the next. On a bend `turning`
+    (stations, 2) is what a metre of constant error adds, and `error_variance` [m^2] that of such errors.
     """
-    lanes, cost = _search_all(departures, widths, drift_variance, white_variance, CHANGE_COST, CHANGE_STATIONS)
+    turning = np.zeros((departures.shape[1], 2)) if turning is None else turning
+    sizes = (drift_variance, white_variance, error_variance)
+    lanes, cost = _search_all(departures, widths, turning, sizes, CHANGE_COST, CHANGE_STATIONS)
     return np.asarray(lanes), float(cost)
 
 
@@ -31,41 +41,58 @@ def relative_lanes(
 def _search_all(
     departures: FloatArray,
     widths: FloatArray,
-    drift_variance: float,
-    white_variance: float,
+    turning: FloatArray,
+    sizes: tuple[float, float, float],
     change_cost: float,
     lengths: IntArray,
 ) -> tuple[FloatArray, float]:
     lanes = np.zeros(departures.shape)
     total = 0.0
     for i in range(len(departures)):
-        total += _search(departures[i], widths, drift_variance, white_variance, change_cost, lengths, lanes[i])
+        total += _search(departures[i], widths, turning, sizes, change_cost, lengths, lanes[i])
     return lanes, total
 
 
+# A survivor: its cost; then the filter's offset, error along and error across; from 4 on their covariance, upper triangle.
+_SURVIVOR = 10
+
+
 @njit(cache=True)
-def _step(
-    cost: float, mean: float, variance: float, value: float, drift_variance: float, white_variance: float
-) -> tuple[float, float, float]:
-    """One Kalman step of a random walk; a missing value only lets it drift."""
-    variance += drift_variance
+def _step(survivor: FloatArray, value: float, along: float, across: float, sizes: tuple[float, float, float]) -> None:
+    """One Kalman step of a random walk beside two constants; a missing value only lets it drift."""
+    drift_variance, white_variance, error_variance = sizes
+    survivor[4] += drift_variance
     if np.isnan(value):
-        return cost, mean, variance
-    spread = variance + white_variance
-    miss = value - mean
+        return
+    p00, p01, p02 = survivor[4], survivor[5], survivor[6]
+    p11, p12, p22 = survivor[7], survivor[8], survivor[9]
+    h0 = p00 + along * p01 + across * p02
+    h1 = p01 + along * p11 + across * p12
+    h2 = p02 + along * p12 + across * p22
+    spread = h0 + along * h1 + across * h2 + white_variance
+    miss = value - survivor[1] - along * survivor[2] - across * survivor[3]
     square = miss * miss / spread
     # log of a spread relative to the white noise: costs stay comparable whatever the noise is.
-    cost += 0.5 * (min(square, _CLIP) + np.log(spread / white_variance))
-    gain = variance / spread
+    survivor[0] += 0.5 * (min(square, _CLIP) + np.log(spread / white_variance))
+    share = 1.0 / spread
     if square > _CLIP:
-        gain *= _CLIP / square
-    return cost, mean + gain * miss, variance * (1.0 - gain)
+        share *= _CLIP / square
+    survivor[1] += share * h0 * miss
+    survivor[4] -= share * h0 * h0
+    if error_variance > 0.0:  # else the errors are 0 and stay so
+        survivor[2] += share * h1 * miss
+        survivor[3] += share * h2 * miss
+        survivor[5] -= share * h0 * h1
+        survivor[6] -= share * h0 * h2
+        survivor[7] -= share * h1 * h1
+        survivor[8] -= share * h1 * h2
+        survivor[9] -= share * h2 * h2
 
 
 @njit(cache=True)
 def _search(
-    v: FloatArray, widths: FloatArray, drift_variance: float, white_variance: float, change_cost: float, lengths: IntArray,
-    out: FloatArray,
+    v: FloatArray, widths: FloatArray, turning: FloatArray, sizes: tuple[float, float, float], change_cost: float,
+    lengths: IntArray, out: FloatArray,
 ) -> float:  # fmt: skip
     """Cost of the best sequence of lanes for one trace; the lanes themselves go into `out`."""
     n, span = len(v), 2 * MAX_LANES_MOVED + 1
@@ -74,44 +101,58 @@ def _search(
         first += 1
     if first == n:
         return 0.0
-    # cost, mean and variance of the offset, and how the best path to each station and lane got there.
-    state = np.full((n, span, 3), np.inf)
+    # The survivor at each station and lane, and how it got there.
+    state = np.full((n, span, _SURVIVOR), np.inf)
     origin = np.ones((n, span, 2), dtype=np.int64)  # lane before, stations ago
-    state[first, MAX_LANES_MOVED] = (0.0, v[first], white_variance)
+    _, white_variance, error_variance = sizes
+    _begin(state[first, MAX_LANES_MOVED], v[first], turning[first], white_variance, error_variance)
+    scratch = np.empty(_SURVIVOR)
     for j in range(first + 1, n):
         for k in range(span):
             if np.isfinite(state[j - 1, k, 0]):
-                value = v[j] - widths[j] * (k - MAX_LANES_MOVED)
-                cost, mean, variance = state[j - 1, k]
-                state[j, k] = _step(cost, mean, variance, value, drift_variance, white_variance)
+                state[j, k] = state[j - 1, k]
+                _step(state[j, k], v[j] - widths[j] * (k - MAX_LANES_MOVED), turning[j, 0], turning[j, 1], sizes)
                 origin[j, k, 0] = k
             for source in (k - 1, k + 1):
                 if 0 <= source < span:
-                    _change(v, widths, drift_variance, white_variance, change_cost, lengths, first, j, k, source, state, origin)
+                    _change(v, widths, turning, sizes, change_cost, lengths, first, j, k, source, state, origin, scratch)
     last = np.argmin(state[n - 1, :, 0])
     _trace_back(first, last, origin, out)
     return state[n - 1, last, 0]
 
 
 @njit(cache=True)
+def _begin(survivor: FloatArray, value: float, turn: FloatArray, white_variance: float, error_variance: float) -> None:
+    """The filter at a trace's first value, which is the offset and the errors' part of it; the errors are free."""
+    along, across = turn[0], turn[1]
+    survivor[0:4] = 0.0
+    survivor[1] = value
+    covariance = survivor[4:]
+    covariance[0] = white_variance + error_variance * (along * along + across * across)
+    covariance[1], covariance[2] = -along * error_variance, -across * error_variance
+    covariance[3], covariance[4], covariance[5] = error_variance, 0.0, error_variance
+
+
+@njit(cache=True)
 def _change(
-    v: FloatArray, widths: FloatArray, drift_variance: float, white_variance: float, change_cost: float, lengths: IntArray,
-    first: int, j: int, k: int, source: int, state: FloatArray, origin: IntArray,
+    v: FloatArray, widths: FloatArray, turning: FloatArray, sizes: tuple[float, float, float], change_cost: float,
+    lengths: IntArray, first: int, j: int, k: int, source: int, state: FloatArray, origin: IntArray, scratch: FloatArray,
 ) -> None:  # fmt: skip
     """Enter the best change from lane `source` that ends in lane k at station j, where it beats what is there."""
     for length in lengths:
         start = j - length
         if start < first or not np.isfinite(state[start, source, 0]):
             continue
-        cost, mean, variance = state[start, source]
-        cost += change_cost
+        scratch[:] = state[start, source]
+        scratch[0] += change_cost
         for step in range(1, length + 1):
-            value = v[start + step] - widths[start + step] * (_on_the_way(source, k, step / length) - MAX_LANES_MOVED)
-            cost, mean, variance = _step(cost, mean, variance, value, drift_variance, white_variance)
-            if cost >= state[j, k, 0]:
+            at = start + step
+            value = v[at] - widths[at] * (_on_the_way(source, k, step / length) - MAX_LANES_MOVED)
+            _step(scratch, value, turning[at, 0], turning[at, 1], sizes)
+            if scratch[0] >= state[j, k, 0]:
                 break
-        if cost < state[j, k, 0]:
-            state[j, k] = (cost, mean, variance)
+        if scratch[0] < state[j, k, 0]:
+            state[j, k] = scratch
             origin[j, k] = (source, length)
 
 

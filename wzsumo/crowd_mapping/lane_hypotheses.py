@@ -148,6 +148,9 @@ class _Costs:
         """Changes of lane (n, first lane, pairs) out of lanes that have another on either side: drivers chose between two."""
         here, closed = lanes[:, :, :-1], self.pattern.closed
         between = (np.diff(lanes, axis=2) != 0) & (here > 0) & (here < self.pattern.n_lanes - 1)
+        if not self.pattern.is_interior:
+            # Out of closing lanes the way is towards the open ones.
+            between &= ~(np.isin(here, closed) & (np.diff(lanes, axis=2) < 0))
         count = between.sum(axis=2)[:, :, None]
         if not closed:
             return np.asarray(count)

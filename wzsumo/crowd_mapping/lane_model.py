@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from wzsumo.crowd_mapping.common_path import CommonPath, extend, fit_common_path
+from wzsumo.crowd_mapping.common_path import CommonPath, departures, extend, fit_common_path, lanes_along
 from wzsumo.crowd_mapping.kinks import Shift, find_shifts
-from wzsumo.crowd_mapping.lane_changes import relative_lanes
 from wzsumo.crowd_mapping.lane_ends import LaneEnds, fit_lane_ends
 from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels, refresh
 from wzsumo.crowd_mapping.lane_use import LaneUse, fit_lane_use
 from wzsumo.crowd_mapping.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close, with_level_ends
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.station_table import StationTable, tabulate
+from wzsumo.crowd_mapping.turning_errors import turning_of
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 from wzsumo.road import Road
@@ -84,7 +84,7 @@ def fit_lane_structure(
     axis = before.road if before else nominal or reference_line_from_traces(checked)
     table = tabulate(checked, axis)
     weights = np.ones(len(table.offsets))
-    path = _path(table, weights, spec=spec, before=before)
+    path = _path(table, weights, turning_of(axis, table.stations), spec=spec, before=before)
     basis = _Basis(
         spec=spec, axis=axis, before=before, table=table, weights=weights, speed_mps=_speed(checked, spec), path=path
     )
@@ -107,7 +107,7 @@ def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneSt
     )
     weights = np.concatenate([model.weights[alive] * keep, np.ones(len(new.offsets))])
     width = model.levels.outer_width
-    lanes = np.vstack([model.path.lanes[alive], _lanes_on(model.path, new.offsets, width=width)])
+    lanes = np.vstack([model.path.lanes[alive], lanes_along(model.path, new.offsets, width=width)])
     path = extend(model.path, table.offsets, lanes, width=width, weights=weights)
     basis = replace(_basis_of(model), table=table, weights=weights, path=path)
     likely = [(one.chance, refresh(one.levels, path, weights=weights)) for one in (model, *model.alternatives)]
@@ -116,15 +116,15 @@ def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneSt
 
 def refit(model: LaneStructure) -> LaneStructure:
     """The model fitted anew, from lane changes to tapers, to the traces and weights that it holds."""
-    path = _path(model.table, model.weights, spec=model.spec, before=model.before)
+    path = _path(model.table, model.weights, model.path.turning, spec=model.spec, before=model.before)
     return _model(replace(_basis_of(model), path=path))
 
 
 def fit_of(model: LaneStructure, trace: pd.DataFrame) -> TraceFit:
     """How one vehicle's trace fits the model, in whichever lanes it drove."""
     row = tabulate(check_traces(trace, source="trace"), model.axis, stations=model.table.stations).offsets[:1]
-    lanes = _lanes_on(model.path, row, width=model.levels.outer_width)
-    rest = (row - model.path.course - model.levels.outer_width * lanes)[0]
+    outer = model.levels.outer_width
+    rest = departures(model.path, row, lanes_along(model.path, row, width=outer), width=outer)[0]
     rest = rest[np.isfinite(rest)]
     width, levels = model.levels.width, model.levels
     level = float(np.median(rest)) - levels.right
@@ -158,8 +158,10 @@ def _width(spec: LaneStructureSpec, before: MapBefore | None) -> tuple[float, fl
     return (before.lane_width, WIDTH_SD_M) if before else (spec.lane_width_m, spec.lane_width_sd_m)
 
 
-def _path(table: StationTable, weights: FloatArray, *, spec: LaneStructureSpec, before: MapBefore | None) -> CommonPath:
-    path = fit_common_path(table.offsets, width=_width(spec, before)[0], weights=weights)
+def _path(
+    table: StationTable, weights: FloatArray, turning: FloatArray | None, *, spec: LaneStructureSpec, before: MapBefore | None
+) -> CommonPath:
+    path = fit_common_path(table.offsets, width=_width(spec, before)[0], weights=weights, turning=turning)
     return with_level_ends(path, table.stations, before) if before else path
 
 
@@ -205,12 +207,6 @@ def _of_levels(basis: _Basis, anchor: Anchor, chance: float, *, shifts: tuple[Sh
         **vars(basis), levels=levels, shifts=shifts, ends=ends, chance=chance, alternatives=(),
         use=fit_lane_use(basis.table, basis.weights, levels, half_vehicle_m=vehicle_m / 2),
     )  # fmt: skip
-
-
-def _lanes_on(path: CommonPath, offsets: FloatArray, *, width: float) -> FloatArray:
-    widths = np.full(offsets.shape[1], width)
-    lanes, _ = relative_lanes(offsets - path.course, widths, drift_variance=path.drift_m**2, white_variance=path.noise_m**2)
-    return lanes
 
 
 def _speed(traces: pd.DataFrame, spec: LaneStructureSpec) -> float:
