@@ -6,12 +6,14 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 import shapely
-from builders import vehicle_outlines
+from builders import paper_road, vehicle_outlines
 
+from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.drivers import DRIVER_PRESETS
 from wzsumo.simulation.edges import edges_of, opposing_edges_of
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
+from wzsumo.simulation.network import write_network
 from wzsumo.study.scenario import load_scenario
 
 LIBRARY = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
@@ -57,6 +59,10 @@ def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_p
             strip = shapely.LineString(points).buffer(float(lane.get("width")) / 2, cap_style="flat")
             assert strip.intersection(layout.closed_area).area < 0.02 * strip.area, lane.get("id")
     drawn = ET.parse(tmp_path / "zone.add.xml").getroot()  # noqa: S314 our own file
+    for name in ("drivable", "closed_area"):
+        shapes = [poly.get("shape").split() for poly in drawn.findall(f"poly[@type='{name}']")]
+        ground = shapely.union_all([shapely.Polygon([point.split(",") for point in shape]) for shape in shapes])
+        assert ground.symmetric_difference(getattr(layout, name)).area < 1e-3 * ground.area, name
     assert len(drawn.findall("poi")) == len(layout.signs)
     assert sum(poly.get("id").startswith("device") for poly in drawn.findall("poly")) == len(layout.devices)
 
@@ -83,6 +89,19 @@ def test_barrier_instead_of_drums_shortens_the_time_gap_by_what_it_takes_off_the
     )
     # HCM 7, Eq. 10-8: f_Br takes 194 pc/h from 1785.
     assert beside_drums.tau_s - beside_wall.tau_s == pytest.approx(3600 / 1591 - 3600 / 1785, abs=2e-3)
+
+
+def test_zone_along_a_surveyed_line_covers_the_ground_of_the_straight_one_within_half_a_percent(tmp_path):
+    straight, bent = (load_scenario(LIBRARY[0].parent / f"{name}.toml").layout() for name in ("paper", "paper_bend_300m"))
+    stations = np.linspace(0, bent.road.length, 74)  # a point every 25 m of bends of 300 m, to the centimetre
+    points = bent.road.to_xy(stations, bent.road.travelled_width / 2).round(2)
+    surveyed = lay_out(straight.work_zone, paper_road(length_ft=None, reference_points_m=tuple(map(tuple, points))))
+    for name in ("drivable", "closed_area", "pavement"):
+        assert getattr(surveyed, name).area == pytest.approx(getattr(straight, name).area, rel=0.005), name
+    assert surveyed.devices[["s_m", "d_m"]].to_numpy() == pytest.approx(straight.devices[["s_m", "d_m"]].to_numpy())
+    length = sum(float(lane.get("length")) for lane in ET.parse(write_network(surveyed, tmp_path)).iter("lane")  # noqa: S314 ours
+                 if lane.get("index") == "0" and not lane.get("id").startswith(":"))  # fmt: skip
+    assert length == pytest.approx(straight.road.length, rel=1e-3)
 
 
 @pytest.mark.parametrize("bend", ["paper_bend_300m", "paper_bend_900m"])

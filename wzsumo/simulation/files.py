@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree as ET
 
+import shapely
+import shapely.ops
 from pydantic import Field, model_validator
 from shapely.geometry.base import BaseGeometry
 
@@ -86,7 +88,7 @@ def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
     root = ET.Element("additional")
     for name, colour in _AREA_COLOURS.items():
         area: BaseGeometry = getattr(layout, name)
-        for number, part in enumerate(getattr(area, "geoms", [area])):
+        for number, part in enumerate(_without_holes(area)):
             shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in part.exterior.coords)
             ET.SubElement(root, "poly", id=f"{name}_{number}", color=colour, fill="1", layer="-1", shape=shape, type=name)
     for number, (kind, outline) in enumerate(zip(layout.devices["kind"], layout.device_outlines, strict=True)):
@@ -101,3 +103,16 @@ def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
     path = folder / "zone.add.xml"
     write_xml(root, path)
     return path
+
+
+def _without_holes(area: BaseGeometry) -> list[shapely.Polygon]:
+    """The same ground as polygons without holes, which SUMO's have not: cut across each."""
+    parts = []
+    for polygon in getattr(area, "geoms", [area]):
+        if polygon.interiors:
+            x, (_, lowest, _, highest) = polygon.interiors[0].centroid.x, polygon.bounds
+            cut = shapely.LineString([(x, lowest - 1), (x, highest + 1)])
+            parts += _without_holes(shapely.ops.split(polygon, cut))
+        else:
+            parts.append(polygon)
+    return parts
