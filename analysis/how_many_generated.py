@@ -16,7 +16,8 @@ from crowd_generator import GENERATED, generated_traces
 from crowd_scores import truth_of_generated
 from how_many_traces import BARS, table_of
 
-from wzsumo.crowd_mapping.lane_model import LaneStructureSpec, fit_lane_structure
+from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
+from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
 
 OTHERS = ((3, 0.0), (5, 1.0), (10, 1.0), (10, 2.0), (30, 2.0))
 INTERVAL_S = 1.0

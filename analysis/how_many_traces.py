@@ -19,7 +19,8 @@ from crowd_zones import ZONES, true_traces
 from how_many_figures import draw_quality, draw_reliability
 from scipy.stats import bootstrap, gamma
 
-from wzsumo.crowd_mapping.lane_model import LaneStructureSpec, fit_lane_structure
+from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
+from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
 from wzsumo.sensing.equipped import choose_equipped
 from wzsumo.sensing.gnss import GnssSpec, report
 

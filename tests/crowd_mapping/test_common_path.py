@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.common_path import fit_common_path
+from wzsumo.crowd_mapping.path_fit import fit_common_path
 from wzsumo.crowd_mapping.trend_filter import trend_filter
 
 

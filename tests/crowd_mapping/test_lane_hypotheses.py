@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.lane_hypotheses import Evidence, likely_hypotheses
+from wzsumo.crowd_mapping.change_costs import Evidence
+from wzsumo.crowd_mapping.lane_hypotheses import likely_hypotheses
 from wzsumo.crowd_mapping.lane_patterns import LanePattern
 
 STATIONS = 100

@@ -4,8 +4,9 @@ import pytest
 from crowd_mapping.zone_traces import drive, noisy, zone_layout
 
 from wzsumo.crowd_mapping.belief import occupied
-from wzsumo.crowd_mapping.lane_model import fit_lane_structure, fit_of, update
+from wzsumo.crowd_mapping.lane_fit import fit_lane_structure, update
 from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+from wzsumo.crowd_mapping.trace_fit import fit_of
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 from wzsumo.grid import UNKNOWN, blank_grid, cells_inside

@@ -3,7 +3,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import beta
 
-from wzsumo.crowd_mapping.lane_hypotheses import Evidence, LaneHypothesis, likely_hypotheses
+from wzsumo.crowd_mapping.change_costs import Evidence
+from wzsumo.crowd_mapping.lane_hypotheses import LaneHypothesis, likely_hypotheses
 from wzsumo.crowd_mapping.lane_levels import LaneLevels
 from wzsumo.crowd_mapping.lane_patterns import LanePattern
 from wzsumo.crowd_mapping.lane_use import LaneUse, fit_lane_use

@@ -4,7 +4,8 @@ from crowd_mapping.zone_traces import drive, noisy, zone_layout
 
 from wzsumo.crowd_mapping.belief import occupied
 from wzsumo.crowd_mapping.common_path import CommonPath, Sizes
-from wzsumo.crowd_mapping.lane_model import LaneStructureSpec, fit_lane_structure, update
+from wzsumo.crowd_mapping.lane_fit import fit_lane_structure, update
+from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
 from wzsumo.crowd_mapping.map_before import MapBefore, with_level_ends
 from wzsumo.crowd_mapping.taper_line import Announcement, fit_taper_line
 from wzsumo.errors import TraceError

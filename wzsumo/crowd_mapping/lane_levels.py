@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wzsumo.crowd_mapping.change_costs import Evidence
 from wzsumo.crowd_mapping.common_path import CommonPath
-from wzsumo.crowd_mapping.lane_hypotheses import Evidence, LaneHypothesis, fit_again, likely_hypotheses
+from wzsumo.crowd_mapping.lane_hypotheses import LaneHypothesis, fit_again, likely_hypotheses
 from wzsumo.crowd_mapping.station_table import STATION_SPACING_M
 from wzsumo.frames import FloatArray
 

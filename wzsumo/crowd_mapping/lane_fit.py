@@ -1,0 +1,139 @@
+"""LaneStructures from traces: `fit_lane_structure` makes one, `update` the next one of further traces, `refit` looks anew."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.crowd_mapping.common_path import CommonPath, extend, lanes_along
+from wzsumo.crowd_mapping.kinks import Shift, find_shifts
+from wzsumo.crowd_mapping.lane_ends import fit_lane_ends
+from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels, refresh
+from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec, TraceBasis
+from wzsumo.crowd_mapping.lane_use import fit_lane_use
+from wzsumo.crowd_mapping.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close, with_level_ends
+from wzsumo.crowd_mapping.path_fit import fit_common_path
+from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
+from wzsumo.crowd_mapping.station_table import StationTable, tabulate
+from wzsumo.crowd_mapping.traffic_speed import traffic_speed
+from wzsumo.crowd_mapping.turning_errors import turning_of
+from wzsumo.errors import TraceError
+from wzsumo.frames import FloatArray
+from wzsumo.road import Road
+from wzsumo.tables import check_traces
+from wzsumo.units import mps_from_mph
+
+FADED = 0.01  # weight below which an old trace is dropped
+
+
+def fit_lane_structure(
+    traces: pd.DataFrame, *, spec: LaneStructureSpec, nominal: Road | None = None, before: MapBefore | None = None
+) -> LaneStructure:
+    """The model of a trace table. Raises TraceError where no trace can be used.
+
+    `before` says what is known of the road and of where the zone is announced; `nominal` is the road's line alone.
+    """
+    checked = check_traces(traces, source="traces")
+    axis = before.road if before else nominal or reference_line_from_traces(checked)
+    table = tabulate(checked, axis)
+    weights = np.ones(len(table.offsets))
+    path = _path(table, weights, turning_of(axis, table.stations), spec=spec, before=before)
+    basis = TraceBasis(
+        spec=spec, axis=axis, before=before, table=table, weights=weights, speed_mps=_speed(checked, spec), path=path
+    )
+    return _model(basis)
+
+
+def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneStructure:
+    """The model with further traces, its old ones weighing `keep` (0 to 1) of what they did.
+
+    Quick: axis, stations, number of lanes, their width and the shifts stay as they are; `refit` looks for those again.
+    """
+    if not 0 <= keep <= 1:
+        raise TraceError(f"keep={keep} of the old traces' weight must be between 0 (forget them) and 1 (keep them)")
+    new = tabulate(check_traces(traces, source="traces"), model.axis, stations=model.table.stations)
+    alive = model.weights * keep > FADED
+    table = replace(
+        new,
+        offsets=np.vstack([model.table.offsets[alive], new.offsets]),
+        vehicle_ids=(*(v for v, a in zip(model.table.vehicle_ids, alive, strict=True) if a), *new.vehicle_ids),
+    )
+    weights = np.concatenate([model.weights[alive] * keep, np.ones(len(new.offsets))])
+    width = model.levels.outer_width
+    known = model.path
+    added, _ = lanes_along(known.course, new.offsets, width=width, sizes=known.sizes, turning=known.turning)
+    path = extend(known, table.offsets, np.vstack([known.lanes[alive], added]), width=width, weights=weights)
+    basis = replace(_basis_of(model), table=table, weights=weights, path=path)
+    likely = [(one.chance, refresh(one.levels, path, weights=weights)) for one in (model, *model.alternatives)]
+    return _of_likeliest(basis, likely, shifts=model.shifts)
+
+
+def refit(model: LaneStructure) -> LaneStructure:
+    """The model fitted anew, from lane changes to tapers, to the traces and weights that it holds."""
+    path = _path(model.table, model.weights, model.path.turning, spec=model.spec, before=model.before)
+    return _model(replace(_basis_of(model), path=path))
+
+
+def _speed(traces: pd.DataFrame, spec: LaneStructureSpec) -> float:
+    """The speed [m/s] that decides how long tapers are: the posted one where it is known."""
+    return traffic_speed(traces) if spec.posted_speed_mph is None else mps_from_mph(spec.posted_speed_mph)
+
+
+def _basis_of(model: LaneStructure) -> TraceBasis:
+    return TraceBasis(**{field.name: getattr(model, field.name) for field in fields(TraceBasis)})
+
+
+def _width(spec: LaneStructureSpec, before: MapBefore | None) -> tuple[float, float]:
+    """Mean and standard deviation [m] of the lanes' width outside the zone, beforehand."""
+    return (before.lane_width, WIDTH_SD_M) if before else (spec.lane_width_m, spec.lane_width_sd_m)
+
+
+def _path(
+    table: StationTable, weights: FloatArray, turning: FloatArray | None, *, spec: LaneStructureSpec, before: MapBefore | None
+) -> CommonPath:
+    path = fit_common_path(table.offsets, width=_width(spec, before)[0], weights=weights, turning=turning)
+    return with_level_ends(path, table.stations, before) if before else path
+
+
+def _model(basis: TraceBasis) -> LaneStructure:
+    likely = fit_lane_levels(
+        basis.path, width=_width(basis.spec, basis.before), weights=basis.weights, n_lanes=basis.spec.open_lanes
+    )
+    shifts = find_shifts(basis.table.stations, basis.path.course, speed_mps=basis.speed_mps)
+    return _of_likeliest(basis, likely, shifts=tuple(shifts))
+
+
+def _of_likeliest(basis: TraceBasis, likely: list[tuple[float, LaneLevels]], *, shifts: tuple[Shift, ...]) -> LaneStructure:
+    """The model of the likeliest of (chance, levels), with the others as its alternatives."""
+    anchors = [_anchor(basis, levels) for _, levels in likely]
+    fits = np.array([anchor.log_fit for anchor in anchors])
+    chances = np.array([chance for chance, _ in likely])
+    if np.isfinite(fits).any():  # else no hypothesis fits the road before: the traces alone have to say
+        chances = chances * np.exp(fits - fits.max())
+    chances /= chances.sum()
+    models = [
+        _of_levels(basis, anchors[i], float(chances[i]), shifts=shifts)
+        for i in np.argsort(-chances, kind="stable")
+        if chances[i]
+    ]
+    return replace(models[0], alternatives=tuple(models[1:]))
+
+
+def _anchor(basis: TraceBasis, levels: LaneLevels) -> Anchor:
+    if basis.before is None:
+        return Anchor(levels=levels, first_lane=None, log_fit=0.0)
+    return anchored(levels, basis.path, basis.table, basis.before, basis.weights)
+
+
+def _of_levels(basis: TraceBasis, anchor: Anchor, chance: float, *, shifts: tuple[Shift, ...]) -> LaneStructure:
+    levels, vehicle_m = anchor.levels, basis.spec.vehicle_width_m
+    before = basis.before if anchor.first_lane is not None else None
+    ends = fit_lane_ends(
+        basis.table, basis.weights, levels, lanes=lanes_that_close(levels, anchor, before) if before else levels.closed,
+        announced=before.announced if before else None, shifts=shifts, speed_mps=basis.speed_mps,
+        vehicle_width_m=vehicle_m,
+    )  # fmt: skip
+    return LaneStructure(
+        **vars(basis), levels=levels, shifts=shifts, ends=ends, chance=chance, alternatives=(),
+        use=fit_lane_use(basis.table, basis.weights, levels, half_vehicle_m=vehicle_m / 2),
+    )  # fmt: skip
