@@ -13,6 +13,8 @@ from wzsumo.errors import InputError
 from wzsumo.spec import Spec
 
 STOP_MARGIN_M = 1.0  # left to a place: where it lies is a forecast
+EMERGENCY_MPS2 = -3.5  # ISO 15622: adaptive cruise control above 20 m/s brakes no harder of itself
+CREEPING_MPS = 2.0  # from here jerk-limited braking to a stop takes the metre that is left to a place
 
 
 class IdmSpec(Spec):
@@ -23,6 +25,7 @@ class IdmSpec(Spec):
     acceleration_mps2: float = Field(default=1.4, gt=0)  # a, ibid.
     comfortable_deceleration_mps2: float = Field(default=2.0, gt=0)  # b, ibid.
     coolness: float = Field(default=0.99, ge=0, le=1)  # c, ibid.; of the adaptive cruise control alone
+    comfortable_jerk_mps3: float = Field(default=4.0, gt=0)  # ISO 15622, braking: 5 below 5 m/s, 2.5 above 20 m/s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +85,23 @@ def stopping_acceleration(speed: float, *, distance_m: float, spec: IdmSpec) -> 
     if needed > comfortable or distance_m <= STOP_MARGIN_M:
         return -max(needed, comfortable)
     return most - (most + comfortable) * (needed / comfortable) ** 2
+
+
+def eased(ceiling: float, *, speed: float, last: float, dt: float, spec: IdmSpec) -> float:
+    """The ceiling [m/s2] that holds now where it was `last` before `dt` [s]: it moves with the comfortable jerk.
+
+    A leader or a place that comes into view, or goes out of it, is no shock then. What calls for an emergency holds at once,
+    and so does braking while creeping.
+
+    >>> [eased(wanted, speed=20.0, last=1.0, dt=0.1, spec=IdmSpec()) for wanted in (-2.0, -6.0)]
+    [0.6, -6.0]
+    """
+    before = min(max(last, EMERGENCY_MPS2), spec.acceleration_mps2)
+    change = spec.comfortable_jerk_mps3 * dt
+    free_again = ceiling >= spec.acceleration_mps2 and before + change >= spec.acceleration_mps2
+    if ceiling < EMERGENCY_MPS2 or free_again or (speed < CREEPING_MPS and ceiling < last):
+        return ceiling
+    return min(max(ceiling, before - change), before + change)
 
 
 def constant_acceleration_heuristic(speed: float, *, leader: Leader, spec: IdmSpec) -> float:

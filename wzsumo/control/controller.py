@@ -6,7 +6,7 @@ from typing import Literal
 import numpy.typing as npt
 from pydantic import Field
 
-from wzsumo.control.car_following import IdmSpec, Leader, acc_acceleration, idm_acceleration, stopping_acceleration
+from wzsumo.control.car_following import IdmSpec, Leader, acc_acceleration, eased, idm_acceleration, stopping_acceleration
 from wzsumo.control.path_frame import PathFrame, PathPosition
 from wzsumo.control.pedals import PedalSpec, pedal_from_acceleration
 from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, TunedPidMemory, TunedPidSpec, paper_pid, tuned_pid
@@ -47,7 +47,7 @@ def allow_for_slip(spec: ControlSpec, *, plant: PlantSpec) -> ControlSpec:
 
 
 class Controller:
-    """Follows one path. Holds what a controller remembers: the place on the path and the memory of the PID.
+    """Follows one path. Holds what a controller remembers: the place on the path, the memory of the PID, the last ceiling.
 
     `cross_track_m` (positive: ego left of the path), `station_m` and `reached_end` tell of the state given to the last
     `command`; before the first one they are 0, 0 and False. The law "regulated" keeps below the speed that the path's
@@ -58,11 +58,11 @@ class Controller:
         self, path: ReferencePath, vehicle: VehicleGeometry, spec: ControlSpec, *, speed_limits: npt.ArrayLike | None = None
     ) -> None:
         self._vehicle, self._spec = vehicle, spec
-        self._paper_pid, self._tuned_pid = PaperPidMemory(), TunedPidMemory()
+        self._paper_pid, self._tuned_pid, self._last_ceiling = PaperPidMemory(), TunedPidMemory(), inf
         self.follow(path, speed_limits=speed_limits)
 
     def follow(self, path: ReferencePath, *, speed_limits: npt.ArrayLike | None = None) -> None:
-        """Go on along another path, as after a new plan; the memory of the PID stays."""
+        """Go on along another path, as after a new plan; what it remembers of the speed stays."""
         self._frame = PathFrame.of(path)
         self._profile = SpeedProfile.of(path, spec=self._spec.regulated, speed_limits=speed_limits)
         self._position: PathPosition | None = None
@@ -93,7 +93,8 @@ class Controller:
         self._position = self._frame.locate(state.x, state.y, near=near)
         reference = self._reference(state.speed, station_m=self._position.station_m)
         ceiling = self._ceiling(state.speed, leader=leader, stop_in_m=stop_in_m)
-        pedal = self._pedal(state.speed, reference=reference, dt=dt, ceiling=ceiling)
+        self._last_ceiling = eased(ceiling, speed=state.speed, last=self._last_ceiling, dt=dt, spec=self._spec.idm)
+        pedal = self._pedal(state.speed, reference=reference, dt=dt, ceiling=self._last_ceiling)
         return Command(throttle=max(pedal, 0.0), brake=max(-pedal, 0.0), steering=self._steering(state, self._position))
 
     def _reference(self, speed: float, *, station_m: float) -> Pace:

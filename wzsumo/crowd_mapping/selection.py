@@ -54,12 +54,14 @@ def sweep_mixtures(
     seed: int,
     k_max: int | None = None,
     n_init: int | None = None,
+    reg_covar_m2: float = REG_COVAR_M2,
     progress: Callable[[int, int], None] | None = None,
 ) -> MixtureSweep:
     """Mixtures of 1..k_max components of points (n, 2) [m]; k_max in proportion to their extent where it is not given.
 
     With `n_init` each count is fitted on its own from so many k-means++ starts, as scikit-learn does it: slower. Without,
-    counts are fitted one from the other by splits and merges, and the seed is not used. `progress` is told (done, all).
+    counts are fitted one from the other by splits and merges, and the seed is not used. `reg_covar_m2` is added to all
+    variances: no component is narrower than its root. `progress` is told (done, all).
     """
     xy = check_points(points, n_components=1)
     blocks = block_points(xy)
@@ -68,10 +70,10 @@ def sweep_mixtures(
         raise TraceError(f"k_max={k_max} must be 1 or more components")
     tell = progress or (lambda _done, _total: None)
     if n_init is not None:
-        return MixtureSweep(mixtures=_independent(xy, last, seed=seed, n_init=n_init, tell=tell))
-    fits = _Fits(blocks)
+        return MixtureSweep(mixtures=_independent(xy, last, seed=seed, n_init=n_init, reg_covar=reg_covar_m2, tell=tell))
+    fits = _Fits(blocks, reg_covar=reg_covar_m2)
     steps = [*range(2, last + 1), *range(last - 1, 1, -1)]
-    fits.offer(single_component(blocks))
+    fits.offer(single_component(blocks, reg_covar=reg_covar_m2))
     for done, k in enumerate(steps):
         tell(done, len(steps))
         fits.improve(k, start_from=k - 1 if done < last - 1 else k + 1)
@@ -87,14 +89,14 @@ def default_k_max(length_m: float) -> int:
 class _Fits:
     """The best fit so far for each count, in the axes of the blocks."""
 
-    def __init__(self, blocks: PointBlocks) -> None:
-        self.blocks = blocks
+    def __init__(self, blocks: PointBlocks, *, reg_covar: float) -> None:
+        self.blocks, self.reg_covar = blocks, reg_covar
         self.trial_blocks, self.split_blocks = blocks.subset(TRIAL_POINTS), blocks.subset(SPLIT_POINTS)
         self.best: dict[int, Fit] = {}
 
     def offer(self, components: Components) -> None:
         """Carry a start to convergence; keep it where it is the best of its count."""
-        fit = run_em(self.blocks, components, reg_covar=REG_COVAR_M2, tol=SWEEP_TOLERANCE, max_iterations=SWEEP_ITERATIONS)
+        fit = run_em(self.blocks, components, reg_covar=self.reg_covar, tol=SWEEP_TOLERANCE, max_iterations=SWEEP_ITERATIONS)
         k = len(components.weights)
         if k not in self.best or fit.log_likelihood > self.best[k].log_likelihood:
             self.best[k] = fit
@@ -102,20 +104,23 @@ class _Fits:
     def improve(self, k: int, *, start_from: int) -> None:
         """Offer the most promising of the splits of, or merges in, the fit with one component less or more."""
         source = self.best[start_from].components
-        starts = splits(source, self.split_blocks, count=TRIALS) if start_from < k else merges(source, count=TRIALS)
+        if start_from < k:
+            starts = splits(source, self.split_blocks, count=TRIALS, reg_covar=self.reg_covar)
+        else:
+            starts = merges(source, count=TRIALS)
         trials = [self._try(start) for start in starts]
         self.offer(max(trials, key=lambda trial: trial.log_likelihood).components)
 
     def _try(self, components: Components) -> Fit:
-        return run_em(self.trial_blocks, components, reg_covar=REG_COVAR_M2, tol=0.0, max_iterations=TRIAL_ITERATIONS)
+        return run_em(self.trial_blocks, components, reg_covar=self.reg_covar, tol=0.0, max_iterations=TRIAL_ITERATIONS)
 
 
 def _independent(
-    xy: FloatArray, k_max: int, *, seed: int, n_init: int, tell: Callable[[int, int], None]
+    xy: FloatArray, k_max: int, *, seed: int, n_init: int, reg_covar: float, tell: Callable[[int, int], None]
 ) -> tuple[Mixture, ...]:
     mixtures = []
     for k in range(1, k_max + 1):
         tell(k - 1, k_max)
-        mixtures.append(fit_mixture(xy, n_components=k, seed=seed + k, n_init=n_init, tol=TOLERANCE))
+        mixtures.append(fit_mixture(xy, n_components=k, seed=seed + k, n_init=n_init, tol=TOLERANCE, reg_covar_m2=reg_covar))
     tell(k_max, k_max)
     return tuple(mixtures)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from wzsumo.crowd_mapping.expectation_maximisation import Components, run_em, strongest
-from wzsumo.crowd_mapping.mixture import REG_COVAR_M2
 from wzsumo.crowd_mapping.point_blocks import PointBlocks
 from wzsumo.frames import FloatArray
 
@@ -11,13 +10,13 @@ SPLIT_ITERATIONS = 4  # of a pair on the points of the component it came from: t
 MIN_POINTS_TO_SPLIT = 2
 
 
-def single_component(blocks: PointBlocks) -> Components:
+def single_component(blocks: PointBlocks, *, reg_covar: float) -> Components:
     """The mixture of one component: mean and covariance of all points."""
-    mean, covariance = _moments(blocks)
+    mean, covariance = _moments(blocks, reg_covar=reg_covar)
     return Components(np.ones(1), mean[None], covariance[None])
 
 
-def splits(components: Components, blocks: PointBlocks, *, count: int) -> list[Components]:
+def splits(components: Components, blocks: PointBlocks, *, count: int, reg_covar: float) -> list[Components]:
     """At most `count` starts with one component split in two along one of its axes, the largest gain in likelihood first.
 
     The gain of a split is estimated on the points that belong most to the component, by a mixture of two of its own.
@@ -31,11 +30,11 @@ def splits(components: Components, blocks: PointBlocks, *, count: int) -> list[C
         n = len(own.x)
         if n < MIN_POINTS_TO_SPLIT:
             continue
-        mean, covariance = _moments(own)
+        mean, covariance = _moments(own, reg_covar=reg_covar)
         # Log-likelihood of n points under the normal of their own moments, up to what the pair's has in common.
         alone = -n / 2 * (np.log(np.linalg.det(covariance)) + 2 + 2 * np.log(2 * np.pi))
         for pair in _halves(mean, covariance):
-            halves = run_em(own, pair, reg_covar=REG_COVAR_M2, tol=0.0, max_iterations=SPLIT_ITERATIONS)
+            halves = run_em(own, pair, reg_covar=reg_covar, tol=0.0, max_iterations=SPLIT_ITERATIONS)
             pairs.append((halves.log_likelihood - alone, j, halves.components))
     pairs.sort(key=lambda pair: -pair[0])
     return [_with_pair(components, j, pair) for _, j, pair in pairs[:count]]
@@ -72,12 +71,12 @@ def merges(components: Components, *, count: int) -> list[Components]:
     return starts
 
 
-def _moments(blocks: PointBlocks) -> tuple[FloatArray, FloatArray]:
+def _moments(blocks: PointBlocks, *, reg_covar: float) -> tuple[FloatArray, FloatArray]:
     """Mean (2,) and covariance (2, 2) of all points."""
     xy = np.stack([blocks.x, blocks.y])
     mean = xy.mean(axis=1)
     local = xy - mean[:, None]
-    return mean, local @ local.T / xy.shape[1] + REG_COVAR_M2 * np.eye(2)
+    return mean, local @ local.T / xy.shape[1] + reg_covar * np.eye(2)
 
 
 def _with_pair(components: Components, j: int, pair: Components) -> Components:

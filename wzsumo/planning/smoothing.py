@@ -26,7 +26,10 @@ from wzsumo.planning.terrain import Terrain
 _LADDER = (
     (90.0, 0.7), (60.0, 0.7), (40.0, 0.7), (60.0, 0.35), (40.0, 0.35), (25.0, 0.35), (15.0, 0.2), (8.0, 0.1), (4.0, 0.01),
 )  # fmt: skip
-_DEARER = 1.2  # times the cost of the searched path: a smooth one shall not cut through what that went round
+# The first of these that costs little more than the searched path is taken, else the cheapest of them: one that cuts
+# through what that went round comes nearer to obstacles, and costs more.
+_N_STRONG = 3
+_DEARER, _DEAREST = 1.05, 1.2  # times the cost of the searched path: little more, and the most for any
 _FEWEST_POINTS = 9
 _N_ROUNDS = 8
 _SETTLED_M = 0.01  # rounds end when no point moves farther
@@ -54,19 +57,23 @@ def smoothed_poses(
     if len(poses) < _FEWEST_POINTS:
         return poses
     step = float(np.hypot(*(poses[1, :2] - poses[0, :2])))
-    best, least_jump, most = poses, math.inf, _DEARER * cost_along(poses, terrain)
-    for points in _tries(poses, preferred_clearance_m, terrain, body):
+    searched = cost_along(poses, terrain)
+    best, least = poses, (math.inf, math.inf)
+    for number, points in enumerate(_tries(poses, preferred_clearance_m, terrain, body), start=1):
+        if number > _N_STRONG and least[0] <= max_curvature_jump:
+            break
         candidate = poses_through(points, ends=poses[[0, -1], 2])
         curvature = ReferencePath(poses=candidate).curvature
         jump = float(np.abs(np.diff(curvature)).max())
-        if np.abs(curvature).max() > max_curvature or jump >= least_jump:
+        cost = cost_along(candidate, terrain)
+        rank = (max(jump, max_curvature_jump), cost)  # all jumps within the limit are alike
+        if np.abs(curvature).max() > max_curvature or cost > _DEAREST * searched or rank >= least:
             continue
-        if cost_along(candidate, terrain) > most:
+        if touching_poses(candidate, sweep_margin(body, step_m=step), terrain, body).any():
             continue
-        if not touching_poses(candidate, sweep_margin(body, step_m=step), terrain, body).any():
-            best, least_jump = candidate, jump
-            if jump <= max_curvature_jump:
-                break
+        best, least = candidate, rank
+        if jump <= max_curvature_jump and cost <= _DEARER * searched:
+            break
     return best
 
 

@@ -17,15 +17,17 @@ from wzsumo.simulation.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
-FORESIGHT_S = 5.0  # comfortable braking from 10 m/s at 2 m/s2
+FORESIGHT_S = 5.0  # at least; and as long as it takes, at the speed of now, to where it can stop braking comfortably, and more:
+COMFORTABLE_DECELERATION_MPS2, EARLIER_S = 2.0, 2.0  # who first sees a place where it must brake has to brake abruptly
 TIME_STEP_S = 0.25
 SAFE_DECELERATION_MPS2 = 4.0  # asked of the driver behind; b_safe of Kesting, Treiber & Helbing 2007 (MOBIL), Table 1
 EMERGENCY_DECELERATION_MPS2 = 9.0  # of cars, SUMO's emergencyDecel; what is left to the others when it is too late to wait
 EMERGENCY_MARGIN_M = 0.5
 REACTION_TIME_S = 1.0  # of the driver behind; SUMO's default tau
-SIDE_MARGIN_M = 0.3  # the same that other drivers keep beside the ego
+SIDE_MARGIN_M = 0.5  # others keep 0.3 m beside the ego, and move by 0.2 m in their lanes while they pass
 END_MARGIN_M = 2.0  # standstill gap of the intelligent driver model, Treiber et al. 2000
 TOUCH_M, STANDING_MPS = 0.2, 0.3  # beside or before a vehicle that stands still
+LEAST_GAP_M = 0.1
 LEAST_MOVE_M = 0.1  # sideways; less is no move into another's way, though the other may have come near
 _BEHIND_M = 150.0  # who may come alongside within the foresight
 _AHEAD_M = 20.0  # beyond the reach of the leader's search: the longest vehicle's half, and the path's bends
@@ -98,14 +100,17 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> floa
     if not traffic.ids:
         return None
     station, across = layout.road.to_sd(traffic.poses[:, :2])
-    times = np.arange(0.0, FORESIGHT_S + 1e-9, TIME_STEP_S)
+    foresight = max(FORESIGHT_S, way.state.speed / (2 * COMFORTABLE_DECELERATION_MPS2) + EARLIER_S)
+    times = np.arange(0.0, foresight + 1e-9, TIME_STEP_S)
     path_stations, own_speeds = _carried_on(way, times)
     own = np.column_stack([np.interp(path_stations, way.route.stations, column) for column in way.route.on_road.T])
     aside = _tracks(station, across, own[:, 0], layout=layout) - own[:, 1]
     half_width = _half_extents(own[:, 2], way.vehicle.length_m, way.vehicle.width_m)[1]
     side_gap = np.abs(aside) - traffic.widths[:, None] / 2 - half_width
-    level = np.minimum(SIDE_MARGIN_M, side_gap[:, 0] - LEAST_MOVE_M)
-    moved_into = (side_gap < level[:, None]) & (side_gap[:, :1] > 0)
+    reached = side_gap[:, 0] - LEAST_MOVE_M
+    # Not below a least gap: an ego that may always move a little more creeps into whoever creeps beside it.
+    level = np.clip(reached, LEAST_GAP_M, SIDE_MARGIN_M)
+    moved_into = (side_gap < level[:, None]) & (side_gap[:, :1] > 0) & (side_gap.min(axis=1) < reached)[:, None]
     entry = np.argmax(moved_into, axis=1)
     theirs = traffic.speeds * np.cos(traffic.poses[:, 2] - layout.road.heading_at(station))  # along the road; below 0: oncoming
     ahead = (station + theirs * times[entry])[:, None] - own[:, 0]  # (n, m) of the other at its time, before the ego
@@ -114,8 +119,8 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> floa
     closing_behind = np.maximum(theirs - own_speeds[entry], 0.0)
     closing_ahead = np.where(theirs < 0, own_speeds[entry] - theirs, 0.0)
     places = _place_of_level(path_stations, side_gap, level, entry)
-    distance = np.maximum(places - way.station - STOP_MARGIN_M, 1e-3)
-    too_late = way.state.speed**2 / (2 * distance) > SAFE_DECELERATION_MPS2
+    # The margin is inside the others' way: whoever creeps can always wait.
+    too_late = way.state.speed**2 / (2 * SAFE_DECELERATION_MPS2) > places - way.station + STOP_MARGIN_M
     room_ahead, room_behind = (_room(closing, too_late=too_late) for closing in (closing_ahead, closing_behind))
     clear = (at_entry - half_length > room_ahead) | (-at_entry - half_length > room_behind)
     # Who stands still may be waiting for the ego: it goes on unless it would touch.
