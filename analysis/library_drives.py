@@ -2,8 +2,8 @@
 
 python analysis/library_drives.py --first 61 --seeds 5 --traces 10 --speeds 10 zone --out results/library_drives
 
-"zone" is the posted speed. Rows are appended to rows.csv as they come, first all scenarios at one seed with the first method: a
-study that was stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/library_drives.md.
+"zone" is the posted speed. Rows are appended to rows.csv as they come, first all scenarios at one seed: a study that was
+stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/library_drives.md.
 """
 
 import argparse
@@ -68,14 +68,14 @@ def main() -> None:
 
 
 def missing_drives(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
-    """The rows of each method, seed and scenario that rows.csv does not have, at all speeds: these share fleet and map."""
+    """The rows of each seed, scenario and method that rows.csv does not have, at all speeds: these share fleet and map."""
     args.out.mkdir(parents=True, exist_ok=True)
     rows_file, done = args.out / "rows.csv", set()
     if rows_file.exists():
         table = pd.read_csv(rows_file, dtype={"speed": str})
         done = set(table[["method", "seed", "scenario", "speed"]].itertuples(index=False, name=None))
     seeds = range(args.first, args.first + args.seeds)
-    for method, seed, name in product(args.methods, seeds, args.scenarios):
+    for seed, name, method in product(seeds, args.scenarios, args.methods):
         speeds = [speed for speed in args.speeds if (method, seed, name, speed) not in done]
         if not speeds:
             continue
