@@ -12,6 +12,7 @@ from wzsumo.control.car_following import (
     Leader,
     acc_acceleration,
     constant_acceleration_heuristic,
+    eased,
     idm_acceleration,
     stopping_acceleration,
 )
@@ -184,3 +185,14 @@ def test_place_that_is_far_off_takes_nothing_of_the_acceleration():
 def test_place_farther_off_never_asks_for_harder_braking(speed, distance, more):
     near = stopping_acceleration(speed, distance_m=distance, spec=IdmSpec())
     assert stopping_acceleration(speed, distance_m=distance + more, spec=IdmSpec()) >= near - 1e-12
+
+
+def test_ceiling_that_drops_within_comfort_is_reached_by_a_steady_jerk_and_an_emergency_at_once():
+    spec, ceilings = IdmSpec(), [1.4]
+    for _ in range(20):
+        ceilings.append(eased(-2.0, speed=15.0, last=ceilings[-1], dt=0.05, spec=spec))
+    assert np.diff(ceilings).min() == pytest.approx(-4.0 * 0.05)
+    assert np.isclose(ceilings, -2.0).argmax() == 17  # 3.4 m/s2 at 4 m/s3: 0.85 s
+    assert eased(-6.0, speed=15.0, last=1.4, dt=0.05, spec=spec) == -6.0
+    assert eased(-2.0, speed=1.0, last=1.4, dt=0.05, spec=spec) == -2.0  # a metre before a place there is no time left
+    assert eased(1.0, speed=15.0, last=-2.0, dt=0.05, spec=spec) == pytest.approx(-1.8)

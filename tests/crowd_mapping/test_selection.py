@@ -86,3 +86,13 @@ def test_components_grow_with_the_length_of_the_zone():
 def test_no_component_at_all_is_refused():
     with pytest.raises(TraceError, match="k_max=-1"):
         sweep_mixtures(blobs(2, seed=0), seed=0, k_max=-1)
+
+
+def test_lines_of_single_vehicles_in_a_lane_are_not_told_apart_where_no_component_may_be_as_narrow():
+    # Six vehicles, each exactly on a line of its own, 2 cm from the next.
+    s, d = np.meshgrid(np.arange(0.0, 120.0, 0.5), 0.02 * np.arange(6))
+    points = np.column_stack([s.ravel(), d.ravel()])
+    assert sweep_mixtures(points, seed=0, k_max=12).best("bic").n_components == 6
+    wide = sweep_mixtures(points, seed=0, k_max=12, reg_covar_m2=0.05**2).best("bic")
+    assert wide.n_components < 6
+    assert np.linalg.eigvalsh(wide.covariances).min() >= 0.05**2

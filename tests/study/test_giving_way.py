@@ -146,3 +146,16 @@ def test_ego_stops_before_its_front_corner_is_in_the_others_way():
     x = path.state.x + ahead_m
     corners = CAR.outline(np.array([x, path.state.y + 0.23 * ahead_m, np.arctan(0.23)]))
     assert MIDDLE - 1.85 / 2 - corners[:, 1].max() == pytest.approx(0.5, abs=0.05)
+
+
+def test_ego_does_not_creep_nearer_than_a_decimetre_to_who_creeps_beside_it():
+    # Askew by 5.7 degrees it takes 0.93 m x cos + 2.32 m x sin = 1.156 m to its side: 0.15 m are left, 0.1 m must be.
+    beside = MIDDLE - 0.925 - 1.156 - 0.15
+    path = way(y=beside - CAR.axle_to_centre_m * np.sin(np.arctan(0.1)), slope=0.1, speed=1.0, desired_speed=1.0)
+    assert waiting_place(path, one_vehicle(0.0, MIDDLE, speed=1.0)) == pytest.approx(0.5, abs=0.1)
+
+
+def test_fast_ego_sees_where_it_comes_over_as_long_before_as_it_takes_to_stop_gently():
+    # 1.30 m to the side at 8 : 1000 is 160 m ahead, 6.4 s at 25 m/s; to stop at 2 m/s2 takes 156 m.
+    path = way(slope=0.008, speed=25.0, desired_speed=25.0)
+    assert waiting_place(path, one_vehicle(-20, MIDDLE, speed=28)) == pytest.approx(160, abs=5)

@@ -8,7 +8,7 @@ from wzsumo.crowd_mapping.mixture import Mixture
 from wzsumo.planning.plan import plan_path
 from wzsumo.study import map_and_plan
 from wzsumo.study.driven_ground import driven_ground
-from wzsumo.study.mapping_methods import Crowd
+from wzsumo.study.mapping_methods import Crowd, planner_for
 from wzsumo.study.scenario import load_scenario
 from wzsumo.study.site import prepare_site
 
@@ -84,3 +84,10 @@ def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(
     assert len(found) == 2
     assert plan.path is found[1].path
     assert plan.timings_ms["total"] == pytest.approx(sum(each.timings_ms["total"] for each in found))
+
+
+def test_wish_for_clearance_on_a_map_of_lanes_is_raised_and_a_higher_one_kept():
+    for own, wished in ((0.7, 1.2), (2.0, 2.0)):
+        planner = PAPER.planner.model_copy(update={"preferred_clearance_m": own})
+        assert planner_for("lanes", planner).preferred_clearance_m == wished
+        assert planner_for("swept", planner).preferred_clearance_m == own
