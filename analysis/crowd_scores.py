@@ -45,7 +45,7 @@ class Truth:
 
     def row(self, model: LaneStructure) -> dict[str, object]:
         """Figures of a model's map."""
-        p = self._p_occupied(model)
+        p = self.p_occupied(model)
         free, known = p < FREE_THRESHOLD, p != UNKNOWN
         drivable = self.drivable
         hit, either = int((free & drivable).sum()), int((free | drivable).sum())
@@ -65,7 +65,8 @@ class Truth:
             "reliability": json.dumps([np.round(part, 2).tolist() for part in sums]),
         }
 
-    def _p_occupied(self, model: LaneStructure) -> np.ndarray:
+    def p_occupied(self, model: LaneStructure) -> np.ndarray:
+        """p(occupied) (n, m) that a model gives to the cells."""
         s, d = model.axis.to_sd(self.points)
         low, high = model.table.stations[[0, -1]]
         inside = (s >= low) & (s <= high)

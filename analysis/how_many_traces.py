@@ -62,10 +62,10 @@ def main() -> None:
         missing = [case for case in cases if case[-1] in args.maps and (zone, seed, *case) not in known]
         if missing:
             judge = Judge(zone)
-            traces = true_traces(zone, seed, cache=args.fleets or args.out / "fleets")
+            fleet = true_traces(zone, seed, cache=args.fleets or args.out / "fleets")
             for case in missing:
                 planned = seed < args.first + args.planned_seeds
-                row = dict(zip(KEYS, (zone, seed, *case), strict=True)) | _row(judge, traces, *case, seed=seed, planned=planned)
+                row = dict(zip(KEYS, (zone, seed, *case), strict=True)) | _row(judge, fleet, *case, seed=seed, planned=planned)
                 pd.DataFrame([row], columns=COLUMNS).to_csv(path, mode="a", header=not path.exists(), index=False)
             print(f"{zone} {seed}: {len(missing)} maps", file=sys.stderr)
     rows = pd.read_csv(path)
@@ -93,16 +93,21 @@ def _groups_of_cases() -> list[list[tuple[int, float, float, str]]]:
 
 
 def _row(
-    judge: Judge, traces: pd.DataFrame, n: int, error_m: float, interval_s: float, which: str, *, seed: int, planned: bool
+    judge: Judge, fleet: pd.DataFrame, n: int, error_m: float, interval_s: float, which: str, *, seed: int, planned: bool
 ) -> dict[str, object]:
     """Figures of the lanes map of the first n equipped vehicles."""
-    chosen = choose_equipped(pd.Index(traces["vehicle_id"].unique()), penetration=1.0, seed=seed)[:n]
-    true = traces[traces["vehicle_id"].isin(chosen)]
+    true = first_equipped(fleet, n, seed=seed)
     reported = report(true, spec=GnssSpec(error_m=error_m, sampling_interval_s=interval_s), seed=seed)
     before = judge.before if which == "joined" else None
     model = fit_lane_structure(reported, spec=LaneStructureSpec(), before=before)
     asked = planned and which == "joined" and interval_s == USUAL_INTERVAL_S and (n, error_m) in PLANNED
     return judge.truth.row(model) | {"never_driven": judge.never_driven(true)} | (judge.planned(model) if asked else {})
+
+
+def first_equipped(fleet: pd.DataFrame, n: int, *, seed: int) -> pd.DataFrame:
+    """True traces of the first n equipped vehicles of a fleet."""
+    chosen = choose_equipped(pd.Index(fleet["vehicle_id"].unique()), penetration=1.0, seed=seed)[:n]
+    return fleet[fleet["vehicle_id"].isin(chosen)]
 
 
 def table_of(rows: pd.DataFrame) -> pd.DataFrame:
