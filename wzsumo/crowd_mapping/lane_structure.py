@@ -60,6 +60,7 @@ def describe(model: LaneStructure) -> dict[str, object]:
         "spread_between_traces_m": levels.spread,
         "drift_m_per_10_m": model.path.drift_m,
         "noise_m": model.path.noise_m,
+        "constant_error_m": model.path.sizes.error_m,
         "taper_end_m": {lane: line.end for lane, line in model.ends.closing.items()},
         "taper_end_sd_m": {lane: line.end_sd for lane, line in model.ends.closing.items()},
         "shifts": [(shift.start, shift.end, shift.size) for shift in model.shifts],
