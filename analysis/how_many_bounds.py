@@ -41,9 +41,16 @@ def main() -> None:
     ]
     table = pd.DataFrame(rows)
     table.to_csv(args.out / "rows.csv", index=False)
-    of_all = table.groupby(["source", "error_m", "n_traces"]).median(numeric_only=True).drop(columns="seed")
-    of_shown = table.groupby(["source", "error_m", "n_traces", "shown"])["iou"].agg(["median", "size"]).unstack()
-    print(of_all.join(of_shown).round(3).to_string())
+    print(table_of(table).round(3).to_string())
+
+
+def table_of(rows: pd.DataFrame) -> pd.DataFrame:
+    """Medians over all maps of a case, and of the overlap where the closing lane was shown and where it was not."""
+    case = ["source", "error_m", "n_traces"]
+    medians = rows.drop(columns=["zone", "seed", "shown"]).groupby(case).median()
+    by_shown = rows.groupby([*case, "shown"])["iou"].agg(["median", "size"]).unstack()
+    by_shown.columns = [f"iou_{what}_{'shown' if shown else 'not_shown'}" for what, shown in by_shown.columns]
+    return medians.join(by_shown)
 
 
 def _simulated(fleets: Path) -> list[tuple[str, str, Callable[..., dict[str, object]]]]:
