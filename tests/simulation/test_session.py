@@ -144,8 +144,9 @@ def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(
     assert overlapped == 0
 
 
-def test_stand_in_lies_beside_all_roads_for_a_step_before_it_is_removed_and_nobody_is_warned(files, capfd):
-    # Drivers keep for a step whom they saw beside them; taken away at once, SUMO 1.28 crashed in a later step.
+def test_stand_in_lies_beside_all_roads_for_two_seconds_before_it_is_removed_and_nobody_is_warned(files, capfd):
+    # Drivers keep whom they saw beside them until they act again; taken away at once, or a step of 0.05 s later as it was
+    # before, SUMO 1.28 crashed in a later step.
     def on_lanes():
         return {name for lane in sumo.lane.getIDList() for name in sumo.lane.getLastStepVehicleIDs(lane)}
 
@@ -154,10 +155,11 @@ def test_stand_in_lies_beside_all_roads_for_a_step_before_it_is_removed_and_nobo
         *_, (state, _) = drive(session, files, y=LANE, duration_s=0.5)
         assert stand_in in on_lanes()
         known = []
-        for _ in range(2):
+        for _ in range(45):
             session.place_ego(state, CAR)
             session.step()
             assert stand_in not in on_lanes()
             known.append(stand_in in sumo.vehicle.getIDList())
-        assert known == [True, False]
+        assert all(known[:39])
+        assert not known[-1]
     assert "implied speed" not in capfd.readouterr().err

@@ -30,6 +30,7 @@ SIDE_CLEARANCE_M = 0.3
 _PLACEMENT = 2 | 1
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
 _ASIDE_M = 50.0  # to the right: off the road
+_ASIDE_S = 2.0  # longer than the steps in which drivers act
 _ANY_SPEED_MPS = 1e9  # SUMO makes less of it: 50 m in 0.02 s still pass
 
 
@@ -49,7 +50,7 @@ class Session:
         self._sumo = api
         self._sizes: dict[str, tuple[float, float]] = {}
         self._stand_ins: dict[int, str] = {}
-        self._aside: list[str] = []
+        self._aside: dict[str, float] = {}  # until when [s]
         self._n_stand_ins = 0
         self._brake_hard: set[str] = set()
         self._gridlock = Gridlock(api)
@@ -170,20 +171,24 @@ class Session:
         return name
 
     def _take_away(self, names: list[str]) -> None:
-        """Put vehicles beside all roads for the coming step, and remove those that were there in the last one.
+        """Put vehicles beside all roads, and remove those that have been there for _ASIDE_S.
 
-        SUMO's drivers keep for a step whom they saw beside them. Removed from its lane, a stand-in was freed under their eyes:
-        SUMO 1.28 crashed in a later step.
+        SUMO's drivers keep whom they saw beside them until they act again. Removed from its lane, or a step later, a stand-in
+        was freed under their eyes: SUMO 1.28 crashed in a later step.
         """
         api = self._sumo.vehicle
-        for name in set(self._aside) & set(api.getIDList()):
-            api.remove(name)
+        for name in sorted(self._aside.keys() & set(api.getIDList())):
+            if self.time >= self._aside[name]:
+                api.remove(name)
+                del self._aside[name]
+            else:
+                api.moveToXY(name, "", -1, *api.getPosition(name), keepRoute=2, matchThreshold=1.0)
         for name in names:
             (x, y), angle = api.getPosition(name), np.deg2rad(api.getAngle(name))  # clockwise from north
             api.setMaxSpeed(name, _ANY_SPEED_MPS)  # else SUMO warns of the jump
             aside = x + _ASIDE_M * np.cos(angle), y - _ASIDE_M * np.sin(angle)
             api.moveToXY(name, "", -1, *aside, keepRoute=2, matchThreshold=1.0)
-        self._aside = names
+            self._aside[name] = self.time + _ASIDE_S
 
     def _take_over(self, name: str) -> None:
         self._sumo.vehicle.setSpeedMode(name, 0)
