@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from crowd_mapping.zone_traces import drive, noisy, zone_layout
 
 from wzsumo.crowd_mapping.belief import occupied
 from wzsumo.crowd_mapping.common_path import CommonPath, Sizes
+from wzsumo.crowd_mapping.lane_ends import fit_lane_ends
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure, update
 from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
 from wzsumo.crowd_mapping.map_before import MapBefore, with_level_ends
@@ -48,6 +51,27 @@ def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyon
     p = occupied(model, along, np.full(3, layout.road.lane_centre(2)))
     assert p[0] < 0.2
     assert p[2] >= 0.5
+
+
+def test_trace_mistaken_to_drive_in_the_closed_lane_beside_the_work_does_not_hold_its_taper_open():
+    layout = zone_layout(lanes=3, closed=(2,))
+    zone = drive(layout, 16, seed=4)
+    s, d = layout.road.to_sd(zone.traces[["x_m", "y_m"]])
+    came_from_closed_lane = zone.traces["vehicle_id"][(d > layout.road.lane_span(2)[0] + 0.5) & (s < layout.start)].unique()
+    others = zone.traces[~zone.traces["vehicle_id"].isin(came_from_closed_lane)]
+    model = fit_lane_structure(others, spec=LaneStructureSpec(), before=before_of(layout))
+    assert model.levels.closed == ()
+    mistaken = model.levels.lanes.copy()
+    mistaken[0], mistaken[0, -20:] = 2.0, 1.0
+    lines = [
+        fit_lane_ends(
+            model.table, model.weights, replace(model.levels, lanes=lanes), lanes=(2,), announced=model.before.announced,
+            shifts=model.shifts, speed_mps=model.speed_mps, vehicle_width_m=1.86,
+        ).closing[2]
+        for lanes in (model.levels.lanes, mistaken)
+    ]  # fmt: skip
+    np.testing.assert_array_equal(lines[1].stations, lines[0].stations)
+    np.testing.assert_array_equal(lines[1].probability, lines[0].probability)
 
 
 def test_course_that_most_traces_leave_for_good_becomes_their_change_of_lanes():

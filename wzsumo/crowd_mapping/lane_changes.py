@@ -2,7 +2,7 @@
 
 A trace's own error is unknown but slow, a lane change is quick: a Viterbi search over lanes in which every path carries a
 Kalman filter of the offset ("per-survivor processing", Raheli, Polydoros and Tzou 1995) tells them apart at any error. On a
-bend the filter knows how a constant error turns (`turning_errors`).
+bend the filter knows how a constant error turns (`turning_errors`). A trace may begin in the midst of a change.
 """
 
 import numpy as np
@@ -26,6 +26,8 @@ def relative_lanes(
     error_variance: float = 0.0,
 ) -> tuple[FloatArray, float]:
     """Lanes (traces, stations) from each first one, positive to the left, fractional during a change; and the cost of all.
+
+    Of a trace that begins in a change the first lane is that which it leaves.
 
     `departures` (traces, stations) [m] are lateral offsets from the common path, NaN where unknown; `widths` (stations,)
     [m] the lanes' widths; `drift_variance` [m^2] is that of the drift from one station to the next. On a bend `turning`
@@ -138,14 +140,23 @@ def _change(
     v: FloatArray, widths: FloatArray, turning: FloatArray, sizes: tuple[float, float, float], change_cost: float,
     lengths: IntArray, first: int, j: int, k: int, source: int, state: FloatArray, origin: IntArray, scratch: FloatArray,
 ) -> None:  # fmt: skip
-    """Enter the best change from lane `source` that ends in lane k at station j, where it beats what is there."""
+    """Enter the best change from lane `source` that ends in lane k at station j, where it beats what is there.
+
+    One that began ahead of the trace leaves its first lane; its cost and the filter begin at the first value.
+    """
+    _, white_variance, error_variance = sizes
     for length in lengths:
         start = j - length
-        if start < first or not np.isfinite(state[start, source, 0]):
+        ahead = max(first - start, 0)  # stations of the change that the trace does not show
+        if (ahead == 0 and not np.isfinite(state[start, source, 0])) or (ahead > 0 and source != MAX_LANES_MOVED):
             continue
-        scratch[:] = state[start, source]
+        if ahead > 0:
+            begun = widths[first] * (_on_the_way(source, k, ahead / length) - MAX_LANES_MOVED)
+            _begin(scratch, v[first] - begun, turning[first], white_variance, error_variance)
+        else:
+            scratch[:] = state[start, source]
         scratch[0] += change_cost
-        for step in range(1, length + 1):
+        for step in range(ahead + 1, length + 1):
             at = start + step
             value = v[at] - widths[at] * (_on_the_way(source, k, step / length) - MAX_LANES_MOVED)
             _step(scratch, value, turning[at, 0], turning[at, 1], sizes)
@@ -167,7 +178,7 @@ def _trace_back(first: int, k: int, origin: IntArray, out: FloatArray) -> None:
     j = len(out) - 1
     while j > first:
         source, length = origin[j, k]
-        for step in range(1, length + 1):
+        for step in range(max(first - j + length, 1), length + 1):
             out[j - length + step] = _on_the_way(source, k, step / length) - MAX_LANES_MOVED
         j -= length
         k = source

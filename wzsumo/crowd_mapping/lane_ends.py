@@ -84,7 +84,7 @@ class _Ways:
         whole = np.rint(levels.lanes).astype(int)
         # One who seems to drive where the lanes are closed was mistaken: such a trace says nothing of where they end.
         beyond = (whole >= levels.n_lanes) | (whole < 0)
-        self.trusted = beyond[:, levels.closes : levels.opens].sum(axis=1) <= SLACK_STATIONS
+        self.trusted = (beyond[:, levels.closes : levels.opens].sum(axis=1) <= SLACK_STATIONS) & ~beyond[:, levels.core]
         self.core = table.stations[levels.core]
         bounded = bool(levels.closed or levels.interior)
         last = len(table.stations) - 1
