@@ -29,9 +29,9 @@ SIDE_CLEARANCE_M = 0.3
 # does: the ego is then counted to no lane or to a wrong one, and SUMO 1.28 has crashed in the step after.
 _PLACEMENT = 2 | 1
 _MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
-_ASIDE_M = 50.0  # to the right: off the road
-_ASIDE_S = 2.0  # longer than the steps in which drivers act
-_ANY_SPEED_MPS = 1e9  # SUMO makes less of it: 50 m in 0.02 s still pass
+# How far behind the ego's front a stand-in rides inside it, and how wide it is there: where it reached into no lane, as on a
+# line between two, SUMO would take it off the road.
+_INSIDE_M, _INSIDE_WIDTH_M = 0.1, 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +50,7 @@ class Session:
         self._sumo = api
         self._sizes: dict[str, tuple[float, float]] = {}
         self._stand_ins: dict[int, str] = {}
-        self._aside: dict[str, float] = {}  # until when [s]
+        self._inside: list[str] = []  # stand-ins that nobody needs
         self._n_stand_ins = 0
         self._brake_hard: set[str] = set()
         self._gridlock = Gridlock(api)
@@ -143,17 +143,23 @@ class Session:
         """Put the ego at `state` at the end of the coming step, which drivers then see in every lane it reaches into.
 
         SUMO counts a vehicle that moveToXY placed to the one lane nearest to its front: drivers in the next lane pass through
-        whatever reaches into theirs. A vehicle without a driver stands in for that part, for as long as it is there.
+        whatever reaches into theirs. A vehicle without a driver stands in for that part, for as long as it is there. It stays
+        in the simulation when it is not: drivers keep whom they saw beside them until they act again, and SUMO 1.28 has crashed
+        over stand-ins that had been removed, or taken off the road, under their eyes. It rides inside the ego then.
         """
-        self._place(EGO_ID, advance(state.pose, vehicle.axle_to_bumper_m), speed=state.speed)
+        bumper = advance(state.pose, vehicle.axle_to_bumper_m)
+        self._place(EGO_ID, bumper, speed=state.speed)
         gone = self._stand_ins.keys() - {intrusion.lane for intrusion in intrusions}
-        self._take_away([self._stand_ins.pop(lane) for lane in sorted(gone)])
+        self._inside += [self._stand_ins.pop(lane) for lane in sorted(gone)]
         for intrusion in intrusions:
             if intrusion.lane not in self._stand_ins:
-                self._stand_ins[intrusion.lane] = self._add_stand_in()
+                self._stand_ins[intrusion.lane] = self._inside.pop() if self._inside else self._add_stand_in()
             name = self._stand_ins[intrusion.lane]
             self._sumo.vehicle.setWidth(name, intrusion.width)
             self._place(name, intrusion.front, speed=state.speed)
+        for name in self._inside:
+            self._sumo.vehicle.setWidth(name, _INSIDE_WIDTH_M)
+            self._place(name, advance(bumper, -_INSIDE_M), speed=state.speed)
 
     def _place(self, name: str, bumper: FloatArray, *, speed: float) -> None:
         x, y, heading = bumper
@@ -169,26 +175,6 @@ class Session:
         self._sumo.vehicle.add(name, EGO_ID, typeID=EGO_ID, depart="now")
         self._take_over(name)
         return name
-
-    def _take_away(self, names: list[str]) -> None:
-        """Put vehicles beside all roads, and remove those that have been there for _ASIDE_S.
-
-        SUMO's drivers keep whom they saw beside them until they act again. Removed from its lane, or a step later, a stand-in
-        was freed under their eyes: SUMO 1.28 crashed in a later step.
-        """
-        api = self._sumo.vehicle
-        for name in sorted(self._aside.keys() & set(api.getIDList())):
-            if self.time >= self._aside[name]:
-                api.remove(name)
-                del self._aside[name]
-            else:
-                api.moveToXY(name, "", -1, *api.getPosition(name), keepRoute=2, matchThreshold=1.0)
-        for name in names:
-            (x, y), angle = api.getPosition(name), np.deg2rad(api.getAngle(name))  # clockwise from north
-            api.setMaxSpeed(name, _ANY_SPEED_MPS)  # else SUMO warns of the jump
-            aside = x + _ASIDE_M * np.cos(angle), y - _ASIDE_M * np.sin(angle)
-            api.moveToXY(name, "", -1, *aside, keepRoute=2, matchThreshold=1.0)
-            self._aside[name] = self.time + _ASIDE_S
 
     def _take_over(self, name: str) -> None:
         self._sumo.vehicle.setSpeedMode(name, 0)
