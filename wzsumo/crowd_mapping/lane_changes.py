@@ -27,7 +27,7 @@ def relative_lanes(
 ) -> tuple[FloatArray, float]:
     """Lanes (traces, stations) from each first one, positive to the left, fractional during a change; and the cost of all.
 
-    Of a trace that begins in a change the first lane is that which it leaves.
+    Of a trace that begins in a change the first lane is the nearer one.
 
     `departures` (traces, stations) [m] are lateral offsets from the common path, NaN where unknown; `widths` (stations,)
     [m] the lanes' widths; `drift_variance` [m^2] is that of the drift from one station to the next. On a bend `turning`
@@ -182,3 +182,4 @@ def _trace_back(first: int, k: int, origin: IntArray, out: FloatArray) -> None:
             out[j - length + step] = _on_the_way(source, k, step / length) - MAX_LANES_MOVED
         j -= length
         k = source
+    out[first:] -= np.rint(out[first])
