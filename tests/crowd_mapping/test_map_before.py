@@ -27,6 +27,16 @@ def edge_miss(model, layout):
     return float(right[0] - layout.drivable_right(s)[0])
 
 
+def zone_whose_closing_lane_nobody_drove():
+    """The layout of a zone of three lanes of which the left one closes, and the model of those who came in the others."""
+    layout = zone_layout(lanes=3, closed=(2,))
+    zone = drive(layout, 16, seed=4)
+    s, d = layout.road.to_sd(zone.traces[["x_m", "y_m"]])
+    came_from_closed_lane = zone.traces["vehicle_id"][(d > layout.road.lane_span(2)[0] + 0.5) & (s < layout.start)].unique()
+    others = zone.traces[~zone.traces["vehicle_id"].isin(came_from_closed_lane)]
+    return layout, fit_lane_structure(others, spec=LaneStructureSpec(), before=before_of(layout))
+
+
 def test_lanes_before_and_after_the_zone_take_most_of_the_common_error_away():
     # 20 traces of 2 m leave the mean of their biases, 0.4 m, in a map without an anchor; 350 m of known lanes tell it.
     layout, alone, joined = zone_layout(), [], []
@@ -40,12 +50,7 @@ def test_lanes_before_and_after_the_zone_take_most_of_the_common_error_away():
 
 
 def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyond():
-    layout = zone_layout(lanes=3, closed=(2,))
-    zone = drive(layout, 16, seed=4)
-    s, d = layout.road.to_sd(zone.traces[["x_m", "y_m"]])
-    came_from_closed_lane = zone.traces["vehicle_id"][(d > layout.road.lane_span(2)[0] + 0.5) & (s < layout.start)].unique()
-    others = zone.traces[~zone.traces["vehicle_id"].isin(came_from_closed_lane)]
-    model = fit_lane_structure(others, spec=LaneStructureSpec(), before=before_of(layout))
+    layout, model = zone_whose_closing_lane_nobody_drove()
     taper = layout.area("merging taper")
     along = np.array([taper.start - 10.0, taper.start, taper.end + 60.0])
     p = occupied(model, along, np.full(3, layout.road.lane_centre(2)))
@@ -54,12 +59,7 @@ def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyon
 
 
 def test_trace_mistaken_to_drive_in_the_closed_lane_beside_the_work_does_not_hold_its_taper_open():
-    layout = zone_layout(lanes=3, closed=(2,))
-    zone = drive(layout, 16, seed=4)
-    s, d = layout.road.to_sd(zone.traces[["x_m", "y_m"]])
-    came_from_closed_lane = zone.traces["vehicle_id"][(d > layout.road.lane_span(2)[0] + 0.5) & (s < layout.start)].unique()
-    others = zone.traces[~zone.traces["vehicle_id"].isin(came_from_closed_lane)]
-    model = fit_lane_structure(others, spec=LaneStructureSpec(), before=before_of(layout))
+    _, model = zone_whose_closing_lane_nobody_drove()
     assert model.levels.closed == ()
     mistaken = model.levels.lanes.copy()
     mistaken[0], mistaken[0, -20:] = 2.0, 1.0

@@ -149,8 +149,9 @@ class Session:
         """
         bumper = advance(state.pose, vehicle.axle_to_bumper_m)
         self._place(EGO_ID, bumper, speed=state.speed)
-        gone = self._stand_ins.keys() - {intrusion.lane for intrusion in intrusions}
-        self._inside += [self._stand_ins.pop(lane) for lane in sorted(gone)]
+        for lane in sorted(self._stand_ins.keys() - {intrusion.lane for intrusion in intrusions}):
+            self._inside.append(self._stand_ins.pop(lane))
+            self._sumo.vehicle.setWidth(self._inside[-1], _INSIDE_WIDTH_M)
         for intrusion in intrusions:
             if intrusion.lane not in self._stand_ins:
                 self._stand_ins[intrusion.lane] = self._inside.pop() if self._inside else self._add_stand_in()
@@ -158,7 +159,6 @@ class Session:
             self._sumo.vehicle.setWidth(name, intrusion.width)
             self._place(name, intrusion.front, speed=state.speed)
         for name in self._inside:
-            self._sumo.vehicle.setWidth(name, _INSIDE_WIDTH_M)
             self._place(name, advance(bumper, -_INSIDE_M), speed=state.speed)
 
     def _place(self, name: str, bumper: FloatArray, *, speed: float) -> None:
