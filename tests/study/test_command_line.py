@@ -68,6 +68,10 @@ def straight_trace_file(path):
             ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 5291 veh/h"],
         ),
         ({"length_ft": "length_ft = 4000"}, ["the zone ends at", "lengthen the road by 860 ft"]),
+        (
+            {"length_ft": "alignment = [{ length_ft = 1500 }, { length_ft = 4000, radius_ft = 2500 }, { length_ft = 1500 }]"},
+            ["map.resolution_m=0.127 makes", "million cells", "at most 40 million", "or more"],
+        ),
     ],
 )
 def test_scenario_that_cannot_be_is_refused_in_one_line_with_its_rule(tmp_path, capsys, changes, says):

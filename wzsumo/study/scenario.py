@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import Field
+from shapely import Polygon
 
 from wzsumo.capacity import SiteSpec, ZoneCapacity, zone_capacity, zone_queue_discharge_pcphpl
 from wzsumo.control.controller import ControlSpec
@@ -19,6 +20,7 @@ from wzsumo.simulation.departures import check_departures
 from wzsumo.simulation.drivers import BY_THE_HCM, UNCALIBRATED, hcm_drivers
 from wzsumo.simulation.files import SimulationSpec
 from wzsumo.spec import Spec, parse_spec, read_toml
+from wzsumo.study.map_spec import MapSpec
 from wzsumo.study.map_updates_spec import MapUpdatesSpec
 from wzsumo.study.slam_spec import SlamSpec
 from wzsumo.units import mps_from_mph
@@ -26,6 +28,7 @@ from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DeviceKind, RoadType, WorkZone, WorkZoneLayout
 
 Pose = tuple[float, float, float]
+REACH_M = 20.0  # the vehicle reaches beyond its rear axle, and so do the maps beyond start and goal
 
 
 class CrowdSpec(Spec):
@@ -44,13 +47,6 @@ class RouteSpec(Spec):
     goal_lane: int = Field(ge=0)
     goal_after_zone_m: float = Field(100.0, gt=0)
     open_goal_lane: int | None = Field(None, ge=0)  # of a second goal, in a lane that leads straight on from the open ones
-
-
-class MapSpec(Spec):
-    """The cells of the maps."""
-
-    resolution_m: float = Field(0.127, gt=0, le=1)  # 5 in, the sample of Chen et al. 2022
-    margin_m: float = Field(2.0, ge=0)  # beyond the pavement's edges
 
 
 class Scenario(Spec):
@@ -131,6 +127,18 @@ class Scenario(Spec):
         )
         return start, goal
 
+    def mapped_ends(self, layout: WorkZoneLayout) -> tuple[float, float]:
+        """Stations [m] between which the zone is mapped: from behind the start to beyond the goal."""
+        start, goal = self.start_and_goal(layout)
+        (first, last), _ = layout.road.to_sd([start[:2], goal[:2]])
+        return float(first) - REACH_M, float(last) + REACH_M
+
+    def mapped_ground(self, layout: WorkZoneLayout) -> Polygon:
+        """The pavement between those stations, and a margin around it. Raises SpecError where that is too large."""
+        road = layout.road
+        pavement = road.strip(*self.mapped_ends(layout), -road.right_shoulder, road.left_edge)
+        return self.map.checked(pavement.buffer(self.map.margin_m))
+
     def open_goal(self, layout: WorkZoneLayout) -> Pose | None:
         """Rear-axle pose of the second goal, None where the route names none."""
         if self.route.open_goal_lane is None:
@@ -154,7 +162,7 @@ def misfits_of(scenario: Scenario) -> list[str]:
     misfits = []
     crowd, demand, road = scenario.crowd, scenario.simulation.demand, scenario.road
     checks: tuple[Callable[[], object], ...] = (
-        lambda: scenario.start_and_goal(scenario.layout()),
+        lambda: scenario.mapped_ground(scenario.layout()),
         lambda: check_departures(
             scenario.zone_simulation().demand,
             n_lanes=road.lane_count,

@@ -8,8 +8,6 @@ from wzsumo.grid import BoolArray, OccupancyGrid, blank_grid, cells_inside
 from wzsumo.study.scenario import Pose, Scenario
 from wzsumo.work_zone import WorkZoneLayout
 
-REACH_M = 20.0  # the vehicle reaches beyond its rear axle, and so do the maps beyond start and goal
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Site:
@@ -33,10 +31,8 @@ def prepare_site(scenario: Scenario) -> Site:
     layout = scenario.layout()
     road, margin = layout.road, scenario.map.margin_m
     start, goal = scenario.start_and_goal(layout)
-    (from_station, to_station), _ = road.to_sd([start[:2], goal[:2]])
-    ends = (float(from_station) - REACH_M, float(to_station) + REACH_M)
-    surface = road.strip(*ends, -road.right_shoulder, road.left_edge).buffer(margin)
-    cells = blank_grid(surface.bounds, resolution=scenario.map.resolution_m, p_occupied=1.0)
+    ends = scenario.mapped_ends(layout)
+    cells = blank_grid(scenario.mapped_ground(layout).bounds, resolution=scenario.map.resolution_m, p_occupied=1.0)
     nominal = np.zeros(cells.shape, dtype=bool)
     for stretch in ((ends[0], layout.start), (layout.end, ends[1])):
         nominal |= cells_inside(cells, road.strip(*stretch, 0.0, road.own_width))
