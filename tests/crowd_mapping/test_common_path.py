@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from wzsumo.crowd_mapping.path_fit import fit_common_path
-from wzsumo.crowd_mapping.trend_filter import trend_filter
+from wzsumo.crowd_mapping.trend_filter import LEAST_KINK_M, REWEIGHTINGS, SETTLED_M, trend_filter
 
 
 def shifted_course(stations=120):
@@ -81,3 +81,18 @@ def test_trend_filter_bridges_unknown_stations_with_a_line():
     values, precisions = np.arange(50) * 0.1, np.full(50, 1e4)
     precisions[10:30] = 0.0
     np.testing.assert_allclose(trend_filter(np.where(precisions > 0, values, -99), precisions, scale=0.02), values, atol=1e-3)
+
+
+def test_trend_filter_equals_reweighted_least_squares_written_out():
+    random = np.random.default_rng(1)
+    values = np.abs(np.arange(60) - 30) * 0.3 + 0.1 * random.standard_normal(60)
+    precisions = random.uniform(1, 50, 60)
+    bends = np.diff(np.eye(60), 2, axis=0)
+    stiffness, course = np.full(58, 1 / 0.05**2), values
+    for _ in range(REWEIGHTINGS):
+        before = course
+        course = np.linalg.solve(np.diag(precisions) + bends.T * stiffness @ bends, precisions * values)
+        if np.abs(course - before).max() < SETTLED_M:
+            break
+        stiffness = 1 / (0.05 * np.maximum(np.abs(bends @ course), LEAST_KINK_M))
+    np.testing.assert_allclose(trend_filter(values, precisions, scale=0.05), course, atol=1e-6)

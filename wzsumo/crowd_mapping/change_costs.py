@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from scipy.special import ndtr
 
 from wzsumo.crowd_mapping.lane_patterns import LanePattern
@@ -28,54 +29,86 @@ class Evidence:
     usual_spread: float  # between traces [m], as far as their drift tells it
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ChangeCosts:
-    """How well each trace's lanes suit each first lane and each pair of places where the closure begins and ends."""
+    """How well each trace's lanes suit each first lane and each pair of places where the closure begins and ends.
 
-    def __init__(self, evidence: Evidence, pattern: LanePattern, *, pair: tuple[int, int] | None = None) -> None:
-        n_stations = evidence.lanes.shape[1]
-        self.pattern = pattern
-        lanes = evidence.lanes[:, None, :] + np.arange(pattern.n_lanes)[:, None]  # (n, first lane, stations)
-        beside = ((lanes < 0) | (lanes >= pattern.n_lanes)).sum(axis=2)
-        # Beyond the outermost closed lane is as far from the open ones as in it.
-        beyond = np.isin(lanes, pattern.closed) | ((lanes >= pattern.n_lanes) & (not pattern.is_interior))
-        self.pairs = np.array([pair or (0, 0)])
-        self.log_prior = np.zeros(1)
-        if pattern.closed and pair is None:
-            places = np.unique(np.linspace(1, n_stations, PLACES).astype(int))
-            closes, opens = (side.ravel() for side in np.meshgrid(places[:-1], places, indexing="ij"))
-            longer = opens > closes
-            self.pairs = np.column_stack([closes, opens])[longer]
-            length = (self.pairs[:, 1] - self.pairs[:, 0]) * evidence.spacing
-            prior = np.exp(-0.5 * (np.log(length / CORE_M) / CORE_SPREAD) ** 2)
-            self.log_prior = np.log(prior / prior.sum())
-        driven = np.concatenate([np.zeros((*beyond.shape[:2], 1)), np.cumsum(beyond, axis=2)], axis=2)
-        inside = driven[:, :, self.pairs[:, 1]] - driven[:, :, self.pairs[:, 0]]
-        most_cost = -np.log(np.clip(ndtr(-evidence.width[0] / 2 / evidence.usual_spread), *MISTAKEN))
-        cost = np.minimum(STATION_COST * (inside + beside[:, :, None]), most_cost)
-        cost += np.log(2.0) * self._changes_between_two(lanes)
-        if pattern.closed:
-            # The last change out of a closed lane ahead of its end was no change at discretion.
-            index = np.arange(n_stations)
-            last = np.maximum.accumulate(np.where(beyond, index, -10_000), axis=2)[:, :, self.pairs[:, 0] - 1]
-            ahead = (self.pairs[:, 0] - last) * evidence.spacing
-            gain = np.log(DISCRETION_M / MERGE_AHEAD_M) - ahead / MERGE_AHEAD_M
-            cost -= np.maximum(gain, 0.0)
-        self.fit = np.ascontiguousarray(np.exp(-cost).transpose(0, 2, 1))  # (n, pairs, first lane)
-        self.ever = np.stack([(lanes == k).any(axis=2) for k in range(pattern.n_lanes)], axis=2).astype(float)
+    `pairs` (pairs, 2) are indices of stations, `log_prior` (pairs,) says how likely each is beforehand, `fit` (n, pairs, first
+    lane) is the chance of a trace's lanes, and `ever` (n, first lane, lane) whether it drove in a lane.
+    """
 
-    def _changes_between_two(self, lanes: IntArray) -> FloatArray:
-        """Changes of lane (n, first lane, pairs) out of lanes that have another on either side: drivers chose between two."""
-        here, closed = lanes[:, :, :-1], self.pattern.closed
-        moves = np.diff(lanes, axis=2)
-        between = (moves != 0) & (here > 0) & (here < self.pattern.n_lanes - 1)
-        if closed and not self.pattern.is_interior:
-            # Out of closing lanes the way is towards the open ones.
-            between &= ~((here >= closed[0]) & (moves < 0))
-        count = between.sum(axis=2)[:, :, None]
-        if not closed:
-            return np.asarray(count)
-        # Beside the closure there is one way only.
-        spared = between & ((here == closed[0] - 1) | (here == closed[-1] + 1))
-        until = np.concatenate([np.zeros((*here.shape[:2], 1)), np.cumsum(spared, axis=2)], axis=2)
-        ends = np.minimum(self.pairs, here.shape[2])
-        return np.asarray(count - (until[:, :, ends[:, 1]] - until[:, :, ends[:, 0]]))
+    pattern: LanePattern
+    pairs: IntArray
+    log_prior: FloatArray
+    fit: FloatArray
+    ever: FloatArray
+
+
+def change_costs(evidence: Evidence, pattern: LanePattern, *, pair: tuple[int, int] | None = None) -> ChangeCosts:
+    """The costs for a pattern of lanes, whose closed ones are closed between `pair`, or anywhere."""
+    pairs, log_prior = _places(evidence) if pattern.closed and pair is None else (np.array([pair or (0, 0)]), np.zeros(1))
+    most_cost = -np.log(np.clip(ndtr(-evidence.width[0] / 2 / evidence.usual_spread), *MISTAKEN))
+    closed = (pattern.closed[0], pattern.closed[-1]) if pattern.closed else (_NOWHERE, _NOWHERE)
+    cost, ever = _costs(
+        evidence.lanes, pattern.n_lanes, closed, pattern.is_interior, pairs, evidence.spacing, float(most_cost)
+    )  # fmt: skip
+    return ChangeCosts(pattern=pattern, pairs=pairs, log_prior=log_prior, fit=np.exp(-cost), ever=ever)
+
+
+def _places(evidence: Evidence) -> tuple[IntArray, FloatArray]:
+    """Pairs of stations (indices) between which lanes may be closed, and the log of their chances beforehand."""
+    n_stations = evidence.lanes.shape[1]
+    places = np.unique(np.linspace(1, n_stations, PLACES).astype(int))
+    closes, opens = (side.ravel() for side in np.meshgrid(places[:-1], places, indexing="ij"))
+    pairs = np.column_stack([closes, opens])[opens > closes]
+    length = (pairs[:, 1] - pairs[:, 0]) * evidence.spacing
+    prior = np.exp(-0.5 * (np.log(length / CORE_M) / CORE_SPREAD) ** 2)
+    return pairs, np.log(prior / prior.sum())
+
+
+_NOWHERE = 1_000  # a lane that no trace is in
+
+
+@njit(cache=True)
+def _costs(
+    lanes: IntArray, n_lanes: int, closed: tuple[int, int], interior: bool, pairs: IntArray, spacing: float, most_cost: float
+) -> tuple[FloatArray, FloatArray]:
+    n, n_stations = lanes.shape
+    cost, ever = np.empty((n, len(pairs), n_lanes)), np.zeros((n, n_lanes, n_lanes))
+    beyond_until, spared_until = np.zeros(n_stations + 1), np.zeros(n_stations + 1)
+    last_beyond = np.empty(n_stations)
+    for i in range(n):
+        for first in range(n_lanes):
+            beside, chosen, last = 0, 0, -10_000
+            for j in range(n_stations):
+                lane = lanes[i, j] + first
+                if 0 <= lane < n_lanes:
+                    ever[i, first, lane] = 1.0
+                else:
+                    beside += 1
+                # Beyond the outermost closed lane is as far from the open ones as in it.
+                beyond = closed[0] <= lane <= closed[1] or (lane >= n_lanes and not interior)
+                last = j if beyond else last
+                last_beyond[j] = last
+                beyond_until[j + 1] = beyond_until[j] + beyond
+                way = lanes[i, min(j + 1, n_stations - 1)] - lanes[i, j]
+                between = way != 0 and _chose(lane, way, n_lanes, closed, interior)
+                chosen += between
+                # Beside the closure there is one way only.
+                spared_until[j + 1] = spared_until[j] + (between and (lane == closed[0] - 1 or lane == closed[1] + 1))
+            for p in range(len(pairs)):
+                closes, opens = pairs[p]
+                inside = beyond_until[opens] - beyond_until[closes]
+                choices = chosen - (spared_until[opens] - spared_until[closes])
+                cost[i, p, first] = min(STATION_COST * (inside + beside), most_cost) + np.log(2.0) * choices
+                if closes > 0:
+                    # The last change out of a closed lane ahead of its end was no change at discretion.
+                    ahead = (closes - last_beyond[closes - 1]) * spacing
+                    cost[i, p, first] -= max(np.log(DISCRETION_M / MERGE_AHEAD_M) - ahead / MERGE_AHEAD_M, 0.0)
+    return cost, ever
+
+
+@njit(cache=True)
+def _chose(lane: int, way: int, n_lanes: int, closed: tuple[int, int], interior: bool) -> bool:
+    """Whether a driver who left a lane chose between two: out of closing lanes the way is towards the open ones."""
+    return 0 < lane < n_lanes - 1 and not (lane >= closed[0] and way < 0 and not interior)

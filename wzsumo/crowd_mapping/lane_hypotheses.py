@@ -9,19 +9,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wzsumo.crowd_mapping.change_costs import ChangeCosts, Evidence
-from wzsumo.crowd_mapping.lane_expectation import expected_lanes
+from wzsumo.crowd_mapping.change_costs import ChangeCosts, Evidence, change_costs
+from wzsumo.crowd_mapping.lane_em import LaneLikelihood, LanePlaces, LanePrior, fit_lanes
 from wzsumo.crowd_mapping.lane_patterns import LanePattern, likely_patterns
 from wzsumo.frames import FloatArray
 
 FIRST_SPREAD_M = 0.5
-LESS_SD, MOST_DOUBT, MORE_SCALE = 0.2, 6.0, 0.3  # of the logarithm of the spread between traces against the usual one
-SPREADS_M = np.geomspace(0.08, 6.0, 120)  # tried
 SHARE_COUNTS = (3.0, 0.5)  # prior counts of vehicles in each open and each closing lane: open lanes are used about alike
 LEAST_USERS = 0.6  # traces in the outermost lanes: a lane that nobody drove in is none
 MOST_TRACES = 100  # by which hypotheses are weighed
 HOPELESS = 12.0  # behind the best start in log evidence
-STARTS, ITERATIONS, SETTLED = 3, 25, 1e-2
+STARTS, ROUNDS = 3, 25
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,11 +46,11 @@ def likely_hypotheses(evidence: Evidence, *, n_open: int | None, least_closed: i
     few = _thinned(evidence)
     tries = []
     for pattern in likely_patterns(n_open, least_closed=least_closed):
-        costs = ChangeCosts(few, pattern)
-        quick = [_em(few, costs, right=right, iterations=2) for right in _starts(few, pattern.n_lanes)]
+        costs = change_costs(few, pattern)
+        quick = [_fit(few, costs, right=right, rounds=2) for right in _starts(few, pattern.n_lanes)]
         tries += [(fit, costs) for fit in sorted(quick, key=_by_evidence)[:STARTS]]
     enough = max(fit.log_evidence for fit, _ in tries) - HOPELESS
-    fits = [_em(few, costs, right=fit.right, iterations=ITERATIONS) for fit, costs in tries if fit.log_evidence > enough]
+    fits = [_fit(few, costs, right=fit.right, rounds=ROUNDS) for fit, costs in tries if fit.log_evidence > enough]
     kept: list[LaneHypothesis] = []
     for fit in sorted(fits, key=_by_evidence):
         if not any(_same(fit, other) for other in kept):
@@ -66,8 +64,8 @@ def _same(fit: LaneHypothesis, other: LaneHypothesis) -> bool:
 
 def fit_again(hypothesis: LaneHypothesis, evidence: Evidence) -> LaneHypothesis:
     """The hypothesis, with the closure where it was, fitted to other evidence; its own evidence stays."""
-    costs = ChangeCosts(evidence, hypothesis.pattern, pair=(hypothesis.closes, hypothesis.opens))
-    fit = _em(evidence, costs, right=hypothesis.right, iterations=ITERATIONS)
+    costs = change_costs(evidence, hypothesis.pattern, pair=(hypothesis.closes, hypothesis.opens))
+    fit = _fit(evidence, costs, right=hypothesis.right, rounds=ROUNDS)
     return replace(fit, log_evidence=hypothesis.log_evidence)
 
 
@@ -89,54 +87,25 @@ def _thinned(evidence: Evidence) -> Evidence:
     return replace(evidence, levels=evidence.levels[some], lanes=evidence.lanes[some], weights=evidence.weights[some])
 
 
-def _em(evidence: Evidence, costs: ChangeCosts, *, right: float, iterations: int) -> LaneHypothesis:
-    levels, weights, prior = evidence.levels, evidence.weights, evidence.width
-    n_lanes, n = costs.pattern.n_lanes, float(weights.sum())
-    lane = np.arange(n_lanes)
-    counts = np.where(np.isin(lane, costs.pattern.closed), *SHARE_COUNTS[::-1])
-    width, spread, shares = prior[0], FIRST_SPREAD_M, np.full(n_lanes, 1 / n_lanes)
-    posterior = -np.inf
-    for _ in range(iterations):
-        first, pair_chance, log_evidence = expected_lanes(
-            levels, weights, costs.fit, costs.log_prior, right=right, width=width, spread=spread, shares=shares
-        )
-        before, posterior = posterior, log_evidence + float(counts @ np.log(shares * n_lanes))
-        posterior += float(_log_prior(np.array(spread), evidence.usual_spread)) - 0.5 * ((width - prior[0]) / prior[1]) ** 2
-        r = first * weights[:, None]
-        shares = (r.sum(axis=0) + counts) / (n + counts.sum())
-        normal = np.array([[r.sum(), (r @ lane).sum()], [(r @ lane).sum(), (r @ lane**2).sum()]]) / spread**2
-        normal[1, 1] += 1 / prior[1] ** 2
-        side = np.array([(r * levels[:, None]).sum(), (r * levels[:, None] * lane).sum()]) / spread**2
-        side[1] += prior[0] / prior[1] ** 2
-        right, width = np.linalg.solve(normal, side)
-        square = float((r * (levels[:, None] - right - width * lane) ** 2).sum())
-        spread = _spread_of(square, max(n - 1, 0.5), usual=evidence.usual_spread)
-        if posterior - before < SETTLED:
-            break
-    closes, opens = costs.pairs[int(np.argmax(pair_chance))]
+def _fit(evidence: Evidence, costs: ChangeCosts, *, right: float, rounds: int) -> LaneHypothesis:
+    n_lanes, n = costs.pattern.n_lanes, float(evidence.weights.sum())
+    closed = np.isin(np.arange(n_lanes), costs.pattern.closed)
+    fitted = fit_lanes(
+        LaneLikelihood(levels=evidence.levels, weights=evidence.weights, fit=costs.fit, log_prior=costs.log_prior),
+        start=LanePlaces(right=right, width=evidence.width[0], spread=FIRST_SPREAD_M, shares=np.full(n_lanes, 1 / n_lanes)),
+        prior=LanePrior(
+            width=evidence.width, usual_spread=evidence.usual_spread, counts=np.where(closed, *SHARE_COUNTS[::-1])
+        ),
+        rounds=rounds,
+    )  # fmt: skip
+    closes, opens = costs.pairs[int(np.argmax(fitted.pair_chance))]
     # Free parameters by Schwarz' criterion; the width's prior and the closure's places are integrated already.
     penalty = 0.5 * n_lanes * np.log(max(n, 2.0))
-    users = np.einsum("nf,n,nfk->k", first, weights, costs.ever)
+    users = np.einsum("nf,n,nfk->k", fitted.first, evidence.weights, costs.ever)
     unused = users.min() < LEAST_USERS * min(1.0, n)
     return LaneHypothesis(
-        pattern=costs.pattern, right=float(right), width=float(width), covariance=np.asarray(np.linalg.inv(normal)),
-        spread=spread, closes=int(closes), opens=int(opens), first=first,
-        log_evidence=-np.inf if unused and iterations > 2 else posterior - penalty + costs.pattern.log_prior,
+        pattern=costs.pattern, right=fitted.places.right, width=fitted.places.width,
+        covariance=np.asarray(np.linalg.inv(fitted.precision)), spread=fitted.places.spread, closes=int(closes),
+        opens=int(opens), first=fitted.first,
+        log_evidence=-np.inf if unused and rounds > 2 else fitted.log_posterior - penalty + costs.pattern.log_prior,
     )  # fmt: skip
-
-
-def _spread_of(square: float, n: float, *, usual: float) -> float:
-    """The spread [m] whose posterior, of n squares that add up to `square` and the prior, is highest."""
-    log_posterior = _log_prior(SPREADS_M, usual) - n * np.log(SPREADS_M) - square / (2 * SPREADS_M**2)
-    return float(SPREADS_M[np.argmax(log_posterior)])
-
-
-def _log_prior(spread: FloatArray, usual: float) -> FloatArray:
-    """Log prior of the spread [m]: near the usual one it pulls, far away it lets go.
-
-    Traces that differ by less than their drift lets expect are doubted sooner than others: many narrow lanes fit any levels.
-    """
-    away = np.log(spread / usual)
-    return np.asarray(
-        np.where(away < 0, -np.minimum(0.5 * (away / LESS_SD) ** 2, MOST_DOUBT), -np.log1p((away / MORE_SCALE) ** 2))
-    )

@@ -7,7 +7,7 @@ leaving it all at once and by keeping out of it: each is weighed against what wo
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import label, map_coordinates
+from scipy.ndimage import map_coordinates
 from scipy.special import betaln, ndtr
 
 from wzsumo.crowd_mapping.lane_levels import LaneLevels
@@ -63,9 +63,8 @@ def fit_lane_use(table: StationTable, weights: FloatArray, levels: LaneLevels, *
     for lane in range(levels.n_lanes):
         there = known & (np.abs(levels.lanes - lane) < IN_LANE)
         users = trusted @ there
-        idle, n_idle = label(users <= mistaken * (trusted @ known))
-        for number in range(1, n_idle + 1):
-            stretch = np.flatnonzero(idle == number)
+        idle = np.flatnonzero(users <= mistaken * (trusted @ known))
+        for stretch in np.split(idle, np.flatnonzero(np.diff(idle) > 1) + 1):
             if len(stretch) * STATION_SPACING_M < SHORTEST_CLOSED_M:
                 continue
             odds = _closed_odds(stretch, there, known, trusted, n_lanes=levels.n_lanes)

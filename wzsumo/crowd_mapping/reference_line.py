@@ -32,7 +32,7 @@ def reference_line_from_traces(traces: pd.DataFrame) -> Road:
 
     Its lateral place among the lanes is arbitrary. Raises TraceError where no trace is long enough.
     """
-    by_vehicle = [xy for _, group in traces.groupby("vehicle_id", sort=True) if len(xy := group[["x_m", "y_m"]].to_numpy()) > 1]
+    by_vehicle = [xy for xy in _lines(traces) if len(xy) > 1]
     extent = np.array([float(np.hypot(*np.ptp(xy, axis=0))) for xy in by_vehicle])
     longest = np.argsort(-extent, kind="stable")[:TEMPLATES]
     if not len(extent) or extent[longest[0]] < MIN_EXTENT_M:
@@ -52,6 +52,13 @@ def reference_line_from_traces(traces: pd.DataFrame) -> Road:
     for _ in range(ROUNDS):
         axis = axis_of(_recentred(axis, points))
     return axis
+
+
+def _lines(traces: pd.DataFrame) -> list[FloatArray]:
+    """Fixes (n, 2) of each vehicle, by its id, as they follow each other in the table."""
+    code, _ = pd.factorize(traces["vehicle_id"], sort=True)
+    order = np.argsort(code, kind="stable")
+    return np.split(np.column_stack([traces["x_m"], traces["y_m"]])[order], np.flatnonzero(np.diff(code[order])) + 1)
 
 
 def _followers(axis: Road, looks: list[FloatArray]) -> tuple[float, float]:

@@ -29,12 +29,12 @@ class StationTable:
 
 
 def tabulate(traces: pd.DataFrame, axis: Road, *, stations: FloatArray | None = None) -> StationTable:
-    """Offsets of a trace table at stations [m] of an axis; equally spaced ones over all fixes where none are given.
+    """Offsets of a checked trace table at stations [m] of an axis; equally spaced ones over all fixes where none are given.
 
     Traces that stand, run against the others, lie far beside them or have too few fixes are left out and named.
     Raises TraceError where none is left.
     """
-    s, d = axis.to_sd(traces[["x_m", "y_m"]].to_numpy())
+    s, d = axis.to_sd(np.column_stack([traces["x_m"], traces["y_m"]]))
     if stations is None:
         low, high = np.quantile(s, [0.001, 0.999])
         stations = np.arange(low, high + STATION_SPACING_M, STATION_SPACING_M)
@@ -46,7 +46,8 @@ def tabulate(traces: pd.DataFrame, axis: Road, *, stations: FloatArray | None = 
     count = np.bincount(flat, minlength=size)
     with np.errstate(invalid="ignore"):
         offsets = (np.bincount(flat, weights=d[inside], minlength=size) / count).reshape(len(ids), -1)
-    reasons = _reasons(traces, offsets, s=s, code=code)
+    first = np.flatnonzero(np.diff(code, prepend=-1))  # a checked table is sorted by vehicle and time
+    reasons = _reasons(offsets, progress=s[np.append(first[1:], len(s)) - 1] - s[first])
     kept = [i for i in range(len(ids)) if i not in reasons]
     dropped = pd.DataFrame({"vehicle_id": [ids[i] for i in reasons], "reason": list(reasons.values())})
     if not kept:
@@ -56,16 +57,10 @@ def tabulate(traces: pd.DataFrame, axis: Road, *, stations: FloatArray | None = 
     return StationTable(stations=stations, offsets=offsets[kept], vehicle_ids=tuple(str(ids[i]) for i in kept), dropped=dropped)
 
 
-def _reasons(traces: pd.DataFrame, offsets: FloatArray, *, s: FloatArray, code: np.ndarray) -> dict[int, str]:
-    """Why a trace, by its row, cannot be used."""
-    level = np.array([np.nanmedian(row) if np.isfinite(row).any() else np.inf for row in offsets])
+def _reasons(offsets: FloatArray, *, progress: FloatArray) -> dict[int, str]:
+    """Why a trace, by its row, cannot be used; `progress` (traces,) [m] is how far each advances."""
+    level = np.array([np.median(row[known]) if (known := np.isfinite(row)).any() else np.inf for row in offsets])
     middle = np.median(level[np.isfinite(level)]) if np.isfinite(level).any() else 0.0
-    time = traces["time_s"].to_numpy(dtype=float)
-    first, last = np.full(len(offsets), -1), np.full(len(offsets), -1)
-    order = np.lexsort((time, code))
-    edges = np.flatnonzero(np.r_[True, np.diff(code[order]) > 0, True])
-    first[code[order][edges[:-1]]], last[code[order][edges[:-1]]] = order[edges[:-1]], order[edges[1:] - 1]
-    progress = s[last] - s[first]
     reasons: dict[int, str] = {}
     for i, row in enumerate(offsets):
         if progress[i] < -MIN_PROGRESS_M:

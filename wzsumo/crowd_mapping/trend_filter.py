@@ -1,12 +1,13 @@
 """A piecewise linear course through noisy values at equally spaced stations."""
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from numba import njit
 
 from wzsumo.frames import FloatArray
 
 REWEIGHTINGS = 12
 SETTLED_M = 5e-4
+LEAST_PRECISION, LEAST_KINK_M = 1e-9, 1e-4  # below, equations would lose their rank, and kinks weigh without bound
 
 
 def trend_filter(values: FloatArray, precisions: FloatArray, *, scale: float) -> FloatArray:
@@ -18,18 +19,50 @@ def trend_filter(values: FloatArray, precisions: FloatArray, *, scale: float) ->
     n = len(values)
     if n < 3 or not precisions.any():
         return np.array(values, dtype=float)
-    filled = np.where(precisions > 0, values, 0.0)
-    curvature_weight = np.full(n - 2, 1 / scale**2)
-    course = filled
+    return np.asarray(_filter(np.where(precisions > 0, values, 0.0), precisions + LEAST_PRECISION, scale))
+
+
+@njit(cache=True)
+def _filter(values: FloatArray, precisions: FloatArray, scale: float) -> FloatArray:
+    n = len(values)
+    stiffness = np.full(n - 2, 1 / scale**2)
+    course = values
     for _ in range(REWEIGHTINGS):
-        bands = np.zeros((3, n))  # upper bands of diag(precisions) + D' diag(curvature_weight) D
-        bands[2] = precisions + 1e-9
-        for i, a in enumerate((1.0, -2.0, 1.0)):
-            for j, b in enumerate((1.0, -2.0, 1.0)):
-                if j >= i:
-                    bands[2 - (j - i), j : n - 2 + j] += a * b * curvature_weight
-        before, course = course, solveh_banded(bands, precisions * filled)
+        before, course = course, _smooth(values, precisions, stiffness)
         if np.abs(course - before).max() < SETTLED_M:
             break
-        curvature_weight = 1 / (scale * np.maximum(np.abs(np.diff(course, 2)), 1e-4))
-    return np.asarray(course)
+        for i in range(n - 2):
+            stiffness[i] = 1 / (scale * max(abs(course[i] - 2 * course[i + 1] + course[i + 2]), LEAST_KINK_M))
+    return course
+
+
+@njit(cache=True)
+def _smooth(values: FloatArray, precisions: FloatArray, stiffness: FloatArray) -> FloatArray:
+    """Solution c of (P + D' S D) c = P v for second differences D, by the L diag(d) L' factors of the five bands."""
+    n = len(values)
+    main, first, second = precisions.copy(), np.zeros(n), np.zeros(n)  # bands; `first[i]` couples i and i + 1
+    for i in range(n - 2):
+        s = stiffness[i]
+        main[i] += s
+        main[i + 1] += 4 * s
+        main[i + 2] += s
+        first[i] -= 2 * s
+        first[i + 1] -= 2 * s
+        second[i] = s
+    c = precisions * values
+    for i in range(n):
+        if i > 1:
+            main[i] -= second[i - 2] ** 2 * main[i - 2]
+            c[i] -= second[i - 2] * c[i - 2]
+        if i > 0:
+            main[i] -= first[i - 1] ** 2 * main[i - 1]
+            c[i] -= first[i - 1] * c[i - 1]
+            first[i] -= first[i - 1] * second[i - 1] * main[i - 1]
+        first[i] /= main[i]
+        second[i] /= main[i]
+    c /= main
+    for i in range(n - 2, -1, -1):
+        c[i] -= first[i] * c[i + 1]
+        if i < n - 2:
+            c[i] -= second[i] * c[i + 2]
+    return c
