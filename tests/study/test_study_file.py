@@ -123,6 +123,19 @@ def test_several_wrong_factors_are_named_at_once(tmp_path):
     assert all(key in message for key in ("grid.seed", "gnss.error_cm", "crowd.used"))
 
 
+@pytest.mark.parametrize(
+    ("second_value", "says"),
+    [
+        ("simulation.demand.flow_vph = [1500, 9000]", "simulation.demand.flow_vph=9000"),
+        ("simulation.demand.warm_up_s = [60, 2000]", "simulation.demand.warm_up_s=2000"),
+        ("map.resolution_m = [0.127, 0.01]", "map.resolution_m=0.01"),
+        ("route.goal_after_zone_m = [100, 9000]", "goal_after_zone_m"),
+    ],
+)
+def test_later_value_of_a_factor_that_does_not_fit_is_refused_though_the_first_fits(tmp_path, second_value, says):
+    assert says in refused(tmp_path, f"[grid]\n{second_value}\n")
+
+
 def test_method_that_is_none_is_refused_with_the_known_ones(tmp_path):
     (tmp_path / "paper.toml").write_text(PAPER.read_text())
     path = tmp_path / "study.toml"

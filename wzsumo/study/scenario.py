@@ -157,6 +157,10 @@ def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:
     return scenario
 
 
+# What misfits_of reads of a scenario.
+FITTING_SECTIONS = frozenset({"road", "work_zone", "site", "simulation", "route", "vehicle", "crowd", "map"})
+
+
 def misfits_of(scenario: Scenario) -> list[str]:
     """What does not fit together in a scenario: zone and road, start and goal, flow and lanes, traces collected and used."""
     misfits = []

@@ -15,7 +15,7 @@ from wzsumo.errors import SpecError
 from wzsumo.spec import Spec, describe_mistakes, known_keys, parse_spec, read_toml
 from wzsumo.study.baselines import BASELINE_METHODS
 from wzsumo.study.mapping_methods import MAP_METHODS
-from wzsumo.study.scenario import Scenario, load_scenario, misfits_of
+from wzsumo.study.scenario import FITTING_SECTIONS, Scenario, load_scenario, misfits_of
 from wzsumo.study.study_case import StudyCase
 
 Keys = dict[str, Any]  # dotted scenario key -> value
@@ -191,7 +191,7 @@ class _Parser:
             self.mistakes |= dict.fromkeys(f"{self._source}: {mistake}" for mistake in describe_mistakes(Scenario, error))
             self.blamed |= {(".".join(map(str, part["loc"])), str(part["input"])) for part in error.errors()}
             return None
-        fits = scenario.model_dump_json(include={"road", "work_zone", "route", "vehicle", "crowd"})
+        fits = scenario.model_dump_json(include=set(FITTING_SECTIONS))
         if fits in self._fitting:
             return scenario
         if misfits := misfits_of(scenario):
