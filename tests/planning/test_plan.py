@@ -204,14 +204,14 @@ def test_unknown_cells_are_not_free():
 
 
 KERNELS = (
-    distance_field._distance_field,
-    heuristic._cost_to_go,
+    distance_field._fill_distances,
+    heuristic._spread_costs,
     hybrid_astar.search,
     path_check._min_clearance,
     path_check._max_p_under,
     path_check._touching,
     smoothing._smooth,
-    terrain._multiplier,
+    terrain._fill_multiplier,
 )
 
 

@@ -20,16 +20,23 @@ def distance_field(p_occupied: FieldArray, *, max_p_occupied: float, resolution:
     Source: Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012 (the separation, not their scan).
     """
     reach = max(1, math.ceil(limit_m / resolution + 0.5))
-    return _distance_field(p_occupied, np.float32(max_p_occupied), np.float32(resolution), reach, np.float32(limit_m))
+    field = np.empty(p_occupied.shape, dtype=np.float32)  # from NumPy, not in the kernel: NumPy asks the system for large pages
+    _fill_distances(field, p_occupied, np.float32(max_p_occupied), np.float32(resolution), reach, np.float32(limit_m))
+    return field
 
 
 # fastmath lets the compiler turn the loops over a row into vector code; no value in them is infinite or nan.
 @njit(cache=True, error_model="numpy", fastmath=True)
-def _distance_field(  # noqa: C901 - one pass over the cells: a call in it costs more than reading it
-    p_occupied: FieldArray, max_p_occupied: np.float32, resolution: np.float32, reach: int, limit_m: np.float32
-) -> FieldArray:
+def _fill_distances(  # noqa: C901 - one pass over the cells: a call in it costs more than reading it
+    field: FieldArray,
+    p_occupied: FieldArray,
+    max_p_occupied: np.float32,
+    resolution: np.float32,
+    reach: int,
+    limit_m: np.float32,
+) -> None:
+    """Distances along y, then their squares, then the result, all in the same memory: more of it costs time."""
     rows, cols = p_occupied.shape
-    field = np.empty((rows, cols), dtype=np.float32)  # distances along y, then squared, then the result: memory costs time
     far, half, one, none = np.float32(reach + 0.5), np.float32(0.5), np.float32(1.0), np.float32(0.0)
     # Up and down the columns: 0 in a blocked cell, 1/2 beside it, then one more a row. Beyond both ends lies a blocked row.
     nearest = np.empty(cols, dtype=np.float32)
@@ -61,4 +68,3 @@ def _distance_field(  # noqa: C901 - one pass over the cells: a call in it costs
                 best[col] = min(best[col], min(left[col], right[col]) + away)
         for col in range(cols):
             field[row, col] = min(np.sqrt(best[col]) * resolution, limit_m)
-    return field

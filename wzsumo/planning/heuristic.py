@@ -21,21 +21,21 @@ def cost_to_go(multiplier: FieldArray, *, dearest: float, goal_cell: tuple[int, 
     Sources: Sethian, A Fast Marching Level Set Method, PNAS 1996; Yatziv, Bartesaghi and Sapiro, O(N) implementation of the
     fast marching algorithm, J. Comput. Phys. 212 (2006).
     """
-    return _cost_to_go(multiplier, goal_cell[0] + 1, goal_cell[1] + 1, np.float32(resolution), math.ceil(dearest) + 2)
+    cost = np.full_like(multiplier, np.inf)
+    goal = (goal_cell[0] + 1) * multiplier.shape[1] + goal_cell[1] + 1
+    _spread_costs(cost, multiplier, goal, np.float32(resolution), math.ceil(dearest) + 2)
+    return cost
 
 
 @njit(cache=True, error_model="numpy")
-def _cost_to_go(multiplier: FieldArray, goal_row: int, goal_col: int, resolution: np.float32, n_buckets: int) -> FieldArray:
-    rows, cols = multiplier.shape
-    metre = multiplier.ravel()
-    cost = np.empty(rows * cols, dtype=np.float32)
-    for cell in range(rows * cols):
-        cost[cell] = np.inf
+def _spread_costs(costs: FieldArray, multiplier: FieldArray, goal: int, resolution: np.float32, n_buckets: int) -> None:
+    """Spread the costs, infinite on entry, from the goal's cell, given by its place in the flat array."""
+    cols = multiplier.shape[1]
+    metre, cost = multiplier.ravel(), costs.ravel()
     per_level = np.float32(1.0) / resolution
     capacity = 1024
     bucket = np.empty(n_buckets * capacity, dtype=np.int32)
     filled = np.zeros(n_buckets, dtype=np.int64)
-    goal = goal_row * cols + goal_col
     cost[goal] = np.float32(0.0)
     bucket[0] = goal
     filled[0] = 1
@@ -70,7 +70,6 @@ def _cost_to_go(multiplier: FieldArray, goal_row: int, goal_col: int, resolution
                     filled[target] += 1
                     waiting += 1
         level += 1
-    return cost.reshape((rows, cols))
 
 
 @njit(cache=True, error_model="numpy")

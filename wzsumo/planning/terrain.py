@@ -42,7 +42,9 @@ def terrain_of(
     )
     if spec.inflation_radius_m > 0:
         distance = np.maximum(distance - np.float32(spec.inflation_radius_m), np.float32(0))
-    multiplier = _multiplier(
+    multiplier = np.empty((distance.shape[0] + 2, distance.shape[1] + 2), dtype=np.float32)
+    _fill_multiplier(
+        multiplier,
         distance,
         p_occupied,
         np.float32(inscribed_radius(body)),
@@ -62,7 +64,8 @@ def terrain_of(
 
 # No value is nan: without that case the compiler turns the loop over a row into vector code.
 @njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})
-def _multiplier(
+def _fill_multiplier(
+    multiplier: FieldArray,
     distance: FieldArray,
     p_occupied: FieldArray,
     inscribed: np.float32,
@@ -70,10 +73,9 @@ def _multiplier(
     per_clearance: np.float32,
     clearance_cost: np.float32,
     occupancy_cost: np.float32,
-) -> FieldArray:
+) -> None:
     """Cost of a metre in each cell, inside a border of one cell."""
     rows, cols = distance.shape
-    multiplier = np.empty((rows + 2, cols + 2), dtype=np.float32)
     zero, one, infinite = np.float32(0.0), np.float32(1.0), np.float32(np.inf)
     for col in range(cols + 2):
         multiplier[0, col] = multiplier[rows + 1, col] = infinite
@@ -86,7 +88,6 @@ def _multiplier(
             # A point of the cell may be half a diagonal farther from the obstacle than its centre.
             fits = (apart > zero) & (apart + half_diagonal >= inscribed)
             multiplier[row + 1, col + 1] = cost if fits else infinite
-    return multiplier
 
 
 @njit(cache=True, error_model="numpy")
