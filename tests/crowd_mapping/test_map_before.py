@@ -1,6 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from crowd_mapping.zone_traces import drive, noisy, zone_layout
 
@@ -47,6 +48,27 @@ def test_lanes_before_and_after_the_zone_take_most_of_the_common_error_away():
         joined.append(edge_miss(fit_lane_structure(traces, spec=spec, before=before_of(layout)), layout))
     assert np.sqrt(np.mean(np.square(joined))) < 0.3
     assert np.sqrt(np.mean(np.square(joined))) < 0.75 * np.sqrt(np.mean(np.square(alone)))
+
+
+def test_drivers_still_on_their_way_back_behind_the_last_device_do_not_shift_the_lanes():
+    # One lane past the work over the opposing one; 30 of the 50 m known behind it are taken up by the way back.
+    spec = RoadSpec(
+        lane_count=1, lane_width_ft=12, opposing_lane_count=1, left_shoulder_ft=6, right_shoulder_ft=6, length_ft=3600
+    )
+    road, width = spec.build(), 3.6576
+    time = np.arange(0.0, 42.0, 0.1)
+    x = 500.0 + 10.0 * time
+    y = road.lane_centre(0) + width * np.interp(x, [550.0, 608.0, 820.0, 900.0], [0.0, 1.0, 1.0, 0.0])
+    traces = pd.concat(
+        pd.DataFrame({
+            "vehicle_id": str(i), "time_s": time, "x_m": x, "y_m": y + habit,
+            "heading_rad": np.arctan2(np.gradient(y), np.gradient(x)), "speed_mps": 10.0,
+        })
+        for i, habit in enumerate(np.linspace(-0.3, 0.3, 10))
+    )  # fmt: skip
+    model = fit_lane_structure(traces, spec=LaneStructureSpec(), before=MapBefore(road=road, start=550.0, end=870.0))
+    beside = np.interp(715.0, model.table.stations, model.path.course) + model.levels.right
+    assert beside == pytest.approx(road.lane_centre(0) + width, abs=0.05)
 
 
 def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyond():

@@ -100,8 +100,9 @@ def anchored(levels: LaneLevels, path: CommonPath, table: StationTable, before: 
     n = float(weights.sum())
     # Between two ends that are known a random walk strays by a sixth of what it would from one to the other.
     inside = max(len(outside) - int(outside.sum()), 1)
-    variance = (path.noise_m**2 / outside.sum() + path.drift_m**2 * inside / 6) / n + SHY_SD_M**2
-    level = np.average(path.course[outside], weights=seen[outside])
+    variance = (np.pi / 2 * path.noise_m**2 / outside.sum() + path.drift_m**2 * inside / 6) / n + SHY_SD_M**2
+    # The median, for behind the last device drivers are still on their way back to their lanes.
+    level = float(np.median(path.course[outside]))
     middle = (levels.n_lanes - 1) / 2
     here = level + levels.right + levels.width * middle
     candidates = [
