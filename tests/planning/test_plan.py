@@ -9,7 +9,7 @@ from shapely import STRtree
 from wzsumo.errors import MapError
 from wzsumo.frames import wrap_angle
 from wzsumo.grid import OccupancyGrid
-from wzsumo.planning import distance_field, heuristic, hybrid_astar, path_check, smoothing, terrain
+from wzsumo.planning import distance_field, heuristic, hybrid_astar, path_check, pushing, terrain
 from wzsumo.planning.plan import PlannerSpec, PlanStatus, compile_kernels, plan_from, plan_path, prepare
 from wzsumo.vehicle import VehicleGeometry
 
@@ -210,7 +210,7 @@ KERNELS = (
     path_check._min_clearance,
     path_check._max_p_under,
     path_check._touching,
-    smoothing._smooth,
+    pushing._smooth,
     terrain._fill_multiplier,
 )
 

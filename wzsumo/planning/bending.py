@@ -5,6 +5,7 @@ Source: Whittaker, On a New Method of Graduation, 1923.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
@@ -19,7 +20,7 @@ def stiffness_of(wavelength_m: float, step_m: float) -> float:
     return float((wavelength_m / (2 * math.pi * step_m)) ** (2 * BAND))
 
 
-def ways_at_ends(headings: tuple[float, float], step_m: float) -> FloatArray:
+def ways_at_ends(headings: Sequence[float] | FloatArray, step_m: float) -> FloatArray:
     """Ways (2, 2) [m] from the point before to the point after either end of a line that has these headings there."""
     return 2 * step_m * np.array([[math.cos(heading), math.sin(heading)] for heading in headings])
 
