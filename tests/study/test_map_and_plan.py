@@ -86,8 +86,9 @@ def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(
     assert plan.timings_ms["total"] == pytest.approx(sum(each.timings_ms["total"] for each in found))
 
 
-def test_wish_for_clearance_on_a_map_of_lanes_is_raised_and_a_higher_one_kept():
+@pytest.mark.parametrize("method", ["lanes", "swept"])
+def test_wish_for_clearance_on_a_map_of_the_crowd_is_raised_and_a_higher_one_kept(method):
     for own, wished in ((0.7, 1.2), (2.0, 2.0)):
         planner = PAPER.planner.model_copy(update={"preferred_clearance_m": own})
-        assert planner_for("lanes", planner).preferred_clearance_m == wished
-        assert planner_for("swept", planner).preferred_clearance_m == own
+        assert planner_for(method, planner).preferred_clearance_m == wished
+        assert planner_for("paper", planner).preferred_clearance_m == own
