@@ -3,17 +3,18 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from builders import bent_road, paper_layout, paper_work_zone
+from builders import bent_road, paper_layout, paper_road, paper_work_zone
 
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.network import LINE_MARGIN_M, REST_WIDTH_M, write_network
 
+UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
 NARROWEST_FT = 8  # a closing lane ends where it is narrower
 
 
 def is_rest(lane):
-    """Whether a lane of the net file is what is left of a closing lane past its end."""
+    """Whether a lane of the net file is what is left of a closing lane past its end, or the gore between two lanes."""
     return float(lane.get("width")) == REST_WIDTH_M
 
 
@@ -41,7 +42,10 @@ LAYOUTS = {
     "paper": paper_layout,
     "left bend": lambda: lay_out(paper_work_zone(), bent_road(2500)),
     "right bend": lambda: lay_out(paper_work_zone(), bent_road(-2500)),
-    "no shift": lambda: paper_layout(shift_ft=0, shifted_lane_width_ft=None),
+    "interior": lambda: lay_out(
+        paper_work_zone(closed_lanes=(1,), closed_shoulder=None, **UNSHIFTED), paper_road(length_ft=8000)
+    ),
+    "no shift": lambda: paper_layout(**UNSHIFTED),
 }
 
 

@@ -75,6 +75,10 @@ TRUCK = {"length_m": 12.0, "width_m": 2.5}  # SUMO "truck" 7.1 x 2.4 m; US singl
 # the short edges of a taper brake at 9 m/s2 for a single step of 0.1 s with nobody ahead (SUMO 1.28, SL2015; 26 times among
 # 1105 vehicles). Without it the same fleets have no overlap, nobody in the closed area and the same places of merging.
 CAR_DECEL_MPS2, TRUCK_DECEL_MPS2 = 4.5, 4.0
+# How drivers keep to one lane where lanes part. With SUMO's defaults they overtake half over the line and stay there as long as
+# it is faster, whatever lies ahead. With these nobody prefers such a place, and who was left in one goes back at ten times the
+# loss of speed that he would take by default. Elsewhere drivers keep the defaults, with which they were fitted.
+KEEPS_TO_A_LANE = {"lcLaneDiscipline": "1", "lcSublane": "10"}
 LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right (LC2013, SL2015), twice to the left
 N_DRIVERS = 60  # vTypes a class: each has its own place in the lane and its own habit of merging
 
@@ -89,10 +93,11 @@ def write_demand(
     if spec.drivers == BY_THE_HCM:
         raise SpecError(f'drivers="{BY_THE_HCM.name}" is decided by the zone: write the demand of Scenario.zone_simulation()')
     rng = np.random.default_rng([seed, 1])
-    root = ET.Element("routes")
+    root, habits = ET.Element("routes"), KEEPS_TO_A_LANE if any(edge.gores for edge in edges) else {}
     for kind, size in (("car", CAR), ("truck", TRUCK)):
         for number in range(N_DRIVERS):
-            ET.SubElement(root, "vType", _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, rng=rng))
+            driver = _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, rng=rng)
+            ET.SubElement(root, "vType", driver | habits)
     ET.SubElement(root, "route", id="through", edges=" ".join(edge.id for edge in edges))
     vehicles = _vehicles(edges, "through", flows=spec.flow_profile or ((0.0, spec.flow_vph),), spec=spec, rng=rng)
     if opposing and spec.opposing_flow_vph:

@@ -25,19 +25,21 @@ SAME_STATION_M = 0.01
 class Edge:
     """One SUMO edge: stations in metres (start < end), and its lanes in SUMO's order, from the right of who drives on it.
 
-    Some of `lanes` may be rests of closing lanes past their ends; `through` are the others.
+    Some of `lanes` may be rests of closing lanes past their ends, and some gores; `through` are the others.
     """
 
     id: str
     start: float
     end: float
     lanes: tuple[OpenLane, ...]
+    gores: tuple[OpenLane, ...] = ()  # closed ground between two lanes, with the index of the right one
     opposing: bool = False  # driven from `end` to `start`
 
     @property
     def through(self) -> tuple[OpenLane, ...]:
         """The lanes that one can drive on, in SUMO's order."""
-        return tuple(lane for lane in self.lanes if self.opposing or passable_end(lane) > self.start + SAME_STATION_M)
+        open_lanes = (lane for lane in self.lanes if lane not in self.gores)
+        return tuple(lane for lane in open_lanes if self.opposing or passable_end(lane) > self.start + SAME_STATION_M)
 
 
 def edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
@@ -46,10 +48,13 @@ def edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
     for number, (start, end) in enumerate(pairwise(_cuts(layout))):
         middle = (start + end) / 2
         lanes = [q for q in layout.lanes if not q.opposing and q.start <= middle < q.end]
+        lanes.sort(key=lambda q: float(q.right(middle)))
+        gores = _gores(lanes, start, end)
         name = next((area.name for area in layout.areas if area.start <= middle < area.end), "")
         name = name or ("approach" if middle < layout.start else "departure")
         id_ = f"{number:02d}_{name.replace(' ', '_')}"
-        edges.append(Edge(id=id_, start=start, end=end, lanes=tuple(sorted(lanes, key=lambda q: float(q.right(middle))))))
+        in_order = sorted([*lanes, *gores], key=lambda q: float(q.right(middle)))
+        edges.append(Edge(id=id_, start=start, end=end, lanes=tuple(in_order), gores=gores))
     return tuple(edges)
 
 
@@ -79,6 +84,19 @@ def passable_end(lane: OpenLane) -> float:
 def width_at(lane: OpenLane, s: float) -> float:
     """Width [m] of a lane at a station, square to the road."""
     return float(lane.left(s) - lane.right(s))
+
+
+def gap_between(right: OpenLane, left: OpenLane, *, at: tuple[float, ...]) -> float:
+    """The greatest width [m] of what lies between two lanes at any of some stations, square to the road."""
+    return max(float(left.right(s) - right.left(s)) for s in at)
+
+
+def _gores(lanes: list[OpenLane], start: float, end: float) -> tuple[OpenLane, ...]:
+    return tuple(
+        OpenLane(index=right.index, start=start, end=end, right=right.left, left=left.right)
+        for right, left in pairwise(lanes)
+        if gap_between(right, left, at=(start, end)) > SAME_STATION_M
+    )
 
 
 def _cuts(layout: WorkZoneLayout) -> FloatArray:

@@ -4,6 +4,8 @@ Every lane has an explicit shape along its true centre. Beyond the end of a clos
 lane that none leads to: a driver who is still half over the line goes on there. Without it SUMO stops him at the node, where he
 can neither move on nor aside as long as anybody is beside him, and everybody behind waits for good (SUMO 1.28; 2 or 3 of 59
 runs of 25 to 80 minutes at capacity).
+Closed ground between two lanes is a thin lane too, which bars everybody: who is half over the line where the lanes part brakes
+and falls back into his own. Without it SUMO takes the lanes for neighbours still, and he drives on half in the closed area.
 Where both directions take turns on one lane, a traffic light lets one in at a time.
 """
 
@@ -21,6 +23,7 @@ from wzsumo.simulation.edges import (
     SAME_STATION_M,
     Edge,
     edges_of,
+    gap_between,
     opposing_edges_of,
     width_at,
 )
@@ -30,7 +33,7 @@ from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import OpenLane, WorkZoneLayout
 
 LAST_CHANGE_AHEAD_M = 100.0  # of closed lanes between two open ones: what is begun there ends before (4 s at 25 m/s)
-REST_WIDTH_M = 0.1  # of a closed lane past its end, of which nothing but its being there matters
+REST_WIDTH_M = 0.1  # of a closed lane past its end and of a gore, of which nothing but their being there matters
 NOBODY = "custom1"  # SUMO's vehicle class that no vehicle type here has
 LINE_MARGIN_M = 0.2  # SUMO lets a vehicle touch its lane's line, and a 12 m truck cuts a kink of 1:30 by 0.1 m
 _NETCONVERT_OPTIONS = (
@@ -96,7 +99,9 @@ def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
         for index, lane in enumerate(edge.lanes):
             shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _centre_line(layout, lane, edge))
             attributes = {"index": str(index), "width": f"{_width_on(lane, edge):.3f}", "shape": shape}
-            if lane not in edge.through:
+            if lane in edge.gores:
+                attributes["allow"] = NOBODY
+            elif lane not in edge.through:
                 attributes["allow"] = "passenger"  # SUMO lets none straddle the line to a lane that bars him
             elif _is_closing(lane, edge):
                 attributes["disallow"] = "truck"  # wider than the lane's end: trucks merge before the taper
@@ -112,7 +117,7 @@ def _is_barred(lane: OpenLane, beside: OpenLane, edge: Edge) -> bool:
     if edge.opposing or lane not in edge.through:
         return False
     right, left = (lane, beside) if edge.lanes.index(lane) < edge.lanes.index(beside) else (beside, lane)
-    gap = max(float(left.right(s) - right.left(s)) for s in (edge.start, edge.end, edge.end + LAST_CHANGE_AHEAD_M))
+    gap = gap_between(right, left, at=(edge.start, edge.end, edge.end + LAST_CHANGE_AHEAD_M))
     return beside not in edge.through or gap > SAME_STATION_M
 
 

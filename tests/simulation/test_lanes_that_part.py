@@ -1,0 +1,90 @@
+import subprocess
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+from builders import paper_layout, paper_road, paper_work_zone, vehicle_outlines
+
+from wzsumo.frames import advance, heading_from_sumo_angle
+from wzsumo.mutcd.layout import lay_out
+from wzsumo.simulation.demand import KEEPS_TO_A_LANE, DemandSpec, write_demand
+from wzsumo.simulation.edges import edges_of
+from wzsumo.simulation.installation import sumo_binary
+from wzsumo.simulation.network import NOBODY, write_network
+
+HALF_OVER_M = 1.5  # from the middle of his lane: a car 1.85 m wide then reaches 0.6 m over the line
+AHEAD_M = 105  # of the nose: nobody may change lanes from 100 m on
+SPEED = 25.0  # m/s
+
+
+def interior_layout():
+    zone = paper_work_zone(closed_lanes=(1,), closed_shoulder="left", shift_ft=0, shifted_lane_width_ft=None)
+    return lay_out(zone, paper_road(length_ft=7000))
+
+
+LAYOUT = interior_layout()
+NOSE = LAYOUT.area("shifting taper").start
+
+
+def traces_of_one_half_over(folder, *, lane, others):
+    """Of a car half over the line to the other lane, with `others` in its lane, fronts so many metres ahead of its own."""
+    net, edges = write_network(LAYOUT, folder), edges_of(LAYOUT)
+    first = max(number for number, edge in enumerate(edges) if edge.start < NOSE - AHEAD_M)
+    position = NOSE - AHEAD_M - edges[first].start
+    towards = 1 if lane == 0 else -1
+    at = f'type="car" route="on" depart="0" insertionChecks="none" departLane="{lane}" departSpeed="{SPEED}"'
+    habits = " ".join(f'{key}="{value}"' for key, value in KEEPS_TO_A_LANE.items())
+    beside = "".join(
+        f'<vehicle id="other_{n}" {at} departPos="{position + gap:.2f}" departPosLat="{-0.5 * towards}"/>'
+        for n, gap in enumerate(others)
+    )
+    (folder / "half.rou.xml").write_text(
+        f'<routes><vType id="car" length="4.8" width="1.85" speedFactor="1" sigma="0" {habits}/>'
+        f'<route id="on" edges="{" ".join(edge.id for edge in edges[first:])}"/>'
+        f'<vehicle id="half" {at} departPos="{position:.2f}" departPosLat="{HALF_OVER_M * towards}"/>{beside}</routes>'
+    )
+    options = (
+        "--step-length 0.1 --lateral-resolution 0.45 --end 30 --xml-validation never --collision.action none --no-step-log"
+    )
+    files = ("-n", str(net), "-r", str(folder / "half.rou.xml"), "--fcd-output", str(folder / "fcd.csv"))
+    subprocess.run([str(sumo_binary("sumo")), *files, *options.split()], check=True, capture_output=True)
+    rows = pd.read_csv(folder / "fcd.csv", sep=";")
+    rows.columns = [name.split("_", 1)[1] for name in rows.columns]
+    return rows[rows["id"] == "half"]
+
+
+@pytest.mark.parametrize("lane", [0, 1], ids=["right lane", "left lane"])
+@pytest.mark.parametrize("others", [(0,), (8,), (0, 10, 20, -10, -20)], ids=["beside him", "ahead of him", "a platoon"])
+def test_driver_half_over_the_line_falls_back_into_his_lane_before_the_nose_and_never_stands(tmp_path, lane, others):
+    rows = traces_of_one_half_over(tmp_path, lane=lane, others=others)
+    bumper = np.column_stack([rows["x"], rows["y"], heading_from_sumo_angle(rows["angle"])])
+    centre = advance(bumper, -4.8 / 2)
+    traces = pd.DataFrame(
+        {"x_m": centre[:, 0], "y_m": centre[:, 1], "heading_rad": centre[:, 2], "length_m": 4.8, "width_m": 1.85}
+    )
+    station, _ = LAYOUT.road.to_sd(centre[:, :2])
+    assert station[0] < NOSE - 100
+    assert station[-1] > LAYOUT.area("activity area").start
+    assert not shapely.intersects(LAYOUT.closed_area, vehicle_outlines(traces)).any()
+    assert rows["speed"].min() > 5
+
+
+def test_drivers_keep_to_a_lane_where_lanes_part_and_nowhere_else(tmp_path):
+    def habits_beside(layout):
+        path = write_demand(edges_of(layout), tmp_path, spec=DemandSpec(), speed=SPEED, seed=1)
+        return "lcLaneDiscipline" in path.read_text()
+
+    assert habits_beside(LAYOUT)
+    assert not habits_beside(paper_layout())
+
+
+def test_closed_ground_between_two_lanes_is_a_lane_that_bars_everybody_from_the_nose_to_where_it_ends(tmp_path):
+    net = ET.parse(write_network(LAYOUT, tmp_path)).getroot()  # noqa: S314 our own file
+    for edge in edges_of(LAYOUT):
+        allowed = [lane.get("allow") for lane in net.findall(f"edge[@id='{edge.id}']/lane")]
+        if NOSE < edge.end <= LAYOUT.area("downstream taper").end:
+            assert allowed == [None, NOBODY, None], edge.id
+        else:
+            assert NOBODY not in allowed, edge.id
