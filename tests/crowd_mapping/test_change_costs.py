@@ -5,8 +5,10 @@ import pytest
 from scipy.stats import norm
 
 from wzsumo.crowd_mapping.change_costs import DISCRETION_M, MERGE_AHEAD_M, MISTAKEN, STATION_COST, Evidence, change_costs
+from wzsumo.crowd_mapping.closures import ClosurePrior, one_closure
 from wzsumo.crowd_mapping.lane_patterns import LanePattern
 
+ANYWHERE = ClosurePrior(stations=10.0 * np.arange(30), announced=None, merging_m=200.0)
 PATTERNS = [LanePattern(1, ()), LanePattern(3, ()), LanePattern(3, (2,)), LanePattern(4, (2, 3)), LanePattern(4, (1, 2))]
 
 
@@ -45,20 +47,15 @@ def cost_written_out(lanes, pattern, closes, opens):
 @pytest.mark.parametrize("pattern", PATTERNS, ids=str)
 def test_chances_of_lanes_equal_the_rules_written_out(pattern):
     lanes = wandering(4)
-    costs = change_costs(evidence_of(lanes), pattern)
-    for p in range(0, len(costs.pairs), 7):
+    closures = ANYWHERE.closures(pattern)
+    costs = change_costs(evidence_of(lanes), pattern, closures=closures)
+    for p in range(0, len(closures.pairs), 7):
         expected = [
-            [cost_written_out(row + first, pattern, *costs.pairs[p]) for first in range(pattern.n_lanes)] for row in lanes
+            [cost_written_out(row + first, pattern, *closures.pairs[p]) for first in range(pattern.n_lanes)] for row in lanes
         ]
         np.testing.assert_allclose(-np.log(costs.fit[:, p]), expected, atol=1e-9)
 
 
 def test_lanes_that_a_trace_was_ever_in_follow_from_its_first():
-    costs = change_costs(evidence_of(np.array([[0, 0, 1, 1]])), LanePattern(3, ()))
+    costs = change_costs(evidence_of(np.array([[0, 0, 1, 1]])), LanePattern(3, ()), closures=one_closure(0, 0))
     np.testing.assert_array_equal(costs.ever[0], [[1, 1, 0], [0, 1, 1], [0, 0, 1]])
-
-
-def test_closure_that_is_known_is_the_only_one():
-    costs = change_costs(evidence_of(wandering(1)), LanePattern(2, (1,)), pair=(3, 20))
-    np.testing.assert_array_equal(costs.pairs, [[3, 20]])
-    np.testing.assert_array_equal(costs.log_prior, [0.0])

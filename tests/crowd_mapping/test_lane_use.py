@@ -4,6 +4,7 @@ from scipy.integrate import quad
 from scipy.stats import beta
 
 from wzsumo.crowd_mapping.change_costs import Evidence
+from wzsumo.crowd_mapping.closures import ClosurePrior
 from wzsumo.crowd_mapping.lane_hypotheses import LaneHypothesis, likely_hypotheses
 from wzsumo.crowd_mapping.lane_levels import LaneLevels
 from wzsumo.crowd_mapping.lane_patterns import LanePattern
@@ -91,6 +92,7 @@ def test_closure_between_open_lanes_is_told_from_one_beside_them():
         levels=levels, lanes=lanes - lanes[:, :1], weights=np.ones(len(lanes)), spacing=10.0, width=(WIDTH, 0.12),
         usual_spread=0.2,
     )  # fmt: skip
-    best = likely_hypotheses(evidence, n_open=None, least_closed=0)[0]
+    closure = ClosurePrior(stations=np.asarray(STATIONS, dtype=float), announced=None, merging_m=200.0)
+    best = likely_hypotheses(evidence, closure, n_open=None, least_closed=0)[0]
     assert best.pattern == LanePattern(3, (1,))
     assert best.closes == pytest.approx(LEAVES, abs=6)

@@ -5,13 +5,17 @@ import pandas as pd
 import pytest
 from crowd_mapping.zone_traces import drive, noisy, zone_layout
 
+from wzsumo.crowd_mapping.announcement import Announcement
 from wzsumo.crowd_mapping.belief import occupied
 from wzsumo.crowd_mapping.common_path import CommonPath, Sizes
+from wzsumo.crowd_mapping.kinks import Shift
 from wzsumo.crowd_mapping.lane_ends import fit_lane_ends
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure, update
+from wzsumo.crowd_mapping.lane_levels import LaneLevels
 from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
-from wzsumo.crowd_mapping.map_before import MapBefore, with_level_ends
-from wzsumo.crowd_mapping.taper_line import Announcement, fit_taper_line
+from wzsumo.crowd_mapping.map_before import MapBefore, anchored, with_level_ends
+from wzsumo.crowd_mapping.station_table import StationTable
+from wzsumo.crowd_mapping.taper_line import fit_taper_line
 from wzsumo.errors import TraceError
 from wzsumo.road import RoadSpec
 
@@ -150,9 +154,55 @@ def test_line_of_an_announced_zone_ends_where_the_manual_puts_it(shoulder, end_m
     assert median == pytest.approx(end_m, abs=6)
 
 
-def test_vehicle_that_drove_on_beyond_the_announced_line_moves_it():
-    announcement = Announcement(station=500.0, lanes_before=0, shoulder=0.0)
+def beyond_the_announced_line(n, *, doubt):
+    """The line of a lane announced to end at 700 m that n vehicles seem to have used up to 850 m."""
     stations = np.arange(0.0, 1200.0, 10.0)
-    late = np.where(stations < 800.0, 1.0, 0.0)[None]
-    line = fit_taper_line(stations, late, length=200.0, half_vehicle=0.25, kink=None, announcement=announcement)
-    assert line.end > 900.0
+    late = np.repeat(np.where(stations < 850.0, 1.0, 0.0)[None], n, axis=0)
+    return fit_taper_line(
+        stations, late, length=200.0, half_vehicle=0.25, kink=None, doubts=np.full(n, doubt),
+        announcement=Announcement(station=500.0, lanes_before=0, shoulder=0.0),
+    )  # fmt: skip
+
+
+def test_vehicles_that_drove_on_beyond_the_announced_line_move_it():
+    assert beyond_the_announced_line(4, doubt=0.0).end > 950.0
+
+
+def test_vehicle_that_may_have_been_in_another_lane_does_not_move_the_announced_line():
+    assert beyond_the_announced_line(1, doubt=0.3).end == pytest.approx(700, abs=40)
+
+
+def anchored_with(n_lanes, *, right, closed=(), shifts=()):
+    """How well so many open lanes, the first at `right` [m], suit an announced zone on a road of three lanes of 12 ft."""
+    road = RoadSpec(lane_count=3, lane_width_ft=12, left_shoulder_ft=10, right_shoulder_ft=10, length_ft=4000).build()
+    stations = np.arange(0.0, 1000.0, 10.0)
+    offsets = np.full((4, 100), right)
+    sizes = Sizes(drift_m=0.03, noise_m=0.12, error_m=0.0)
+    path = CommonPath(
+        course=np.zeros(100), lanes=np.zeros((4, 100)), levels=np.full(4, right), sizes=sizes, turning=None, cost=0.0
+    )  # fmt: skip
+    table = StationTable(stations=stations, offsets=offsets, vehicle_ids=("a", "b", "c", "d"), dropped=pd.DataFrame())
+    levels = LaneLevels(
+        n_lanes=n_lanes, closed=closed, interior=(), closes=0, opens=0, right=right, width=3.6576, covariance=0.01 * np.eye(2),
+        outer_width=3.6576, outer_width_sd=0.03, spread=0.3, lanes=np.zeros((4, 100)), hypothesis=None,
+    )  # fmt: skip
+    before = MapBefore(road=road, start=100.0, end=900.0)
+    return anchored(levels, path, table, before, weights=np.ones(4), shifts=shifts).log_fit
+
+
+LANE_1_M, LANE_2_M = 1.8288, 5.4864  # middles of three lanes of 12 ft
+
+
+def test_announced_zone_is_unlikely_to_leave_all_lanes_of_the_road_open():
+    # One of MUTCD's six drawings of stationary work on a freeway does.
+    ratio = np.exp(anchored_with(3, right=LANE_1_M) - anchored_with(2, right=LANE_1_M))
+    assert ratio == pytest.approx(0.2, rel=0.6)
+
+
+def test_lanes_are_unlikely_to_close_on_both_sides():
+    assert anchored_with(1, right=LANE_2_M) < anchored_with(1, right=LANE_1_M) - 2
+
+
+def test_lanes_that_shift_to_the_right_are_unlikely_to_pass_a_lane_that_is_closed_there():
+    right = (Shift(start=300.0, end=400.0, size=-3.0), Shift(start=700.0, end=800.0, size=3.0))
+    assert anchored_with(2, right=LANE_2_M, shifts=right) < anchored_with(2, right=LANE_1_M, shifts=right) - 2

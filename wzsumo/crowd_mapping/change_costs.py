@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from scipy.special import ndtr
 
+from wzsumo.crowd_mapping.closures import Closures
 from wzsumo.crowd_mapping.lane_patterns import LanePattern
 from wzsumo.frames import FloatArray, IntArray
 
@@ -13,8 +14,6 @@ from wzsumo.frames import FloatArray, IntArray
 DISCRETION_M, MERGE_AHEAD_M = 2000.0, 150.0
 STATION_COST = 1.0  # -log chance of a station beside the lanes
 MISTAKEN = (0.002, 0.02)  # least and most chance that a trace is nowhere near the lanes that it seems to drive in
-CORE_M, CORE_SPREAD = 500.0, 0.6  # median length of the closed stretch and the standard deviation of its logarithm
-PLACES = 18  # tried for either end of the closure
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,37 +32,23 @@ class Evidence:
 class ChangeCosts:
     """How well each trace's lanes suit each first lane and each pair of places where the closure begins and ends.
 
-    `pairs` (pairs, 2) are indices of stations, `log_prior` (pairs,) says how likely each is beforehand, `fit` (n, pairs, first
-    lane) is the chance of a trace's lanes, and `ever` (n, first lane, lane) whether it drove in a lane.
+    `fit` (n, pairs, first lane) is the chance of a trace's lanes, `ever` (n, first lane, lane) whether it drove in a lane.
     """
 
     pattern: LanePattern
-    pairs: IntArray
-    log_prior: FloatArray
+    closures: Closures
     fit: FloatArray
     ever: FloatArray
 
 
-def change_costs(evidence: Evidence, pattern: LanePattern, *, pair: tuple[int, int] | None = None) -> ChangeCosts:
-    """The costs for a pattern of lanes, whose closed ones are closed between `pair`, or anywhere."""
-    pairs, log_prior = _places(evidence) if pattern.closed and pair is None else (np.array([pair or (0, 0)]), np.zeros(1))
+def change_costs(evidence: Evidence, pattern: LanePattern, *, closures: Closures) -> ChangeCosts:
+    """The costs for a pattern of lanes and the closures that its closed ones may have."""
     most_cost = -np.log(np.clip(ndtr(-evidence.width[0] / 2 / evidence.usual_spread), *MISTAKEN))
     closed = (pattern.closed[0], pattern.closed[-1]) if pattern.closed else (_NOWHERE, _NOWHERE)
     cost, ever = _costs(
-        evidence.lanes, pattern.n_lanes, closed, pattern.is_interior, pairs, evidence.spacing, float(most_cost)
+        evidence.lanes, pattern.n_lanes, closed, pattern.is_interior, closures.pairs, evidence.spacing, float(most_cost)
     )  # fmt: skip
-    return ChangeCosts(pattern=pattern, pairs=pairs, log_prior=log_prior, fit=np.exp(-cost), ever=ever)
-
-
-def _places(evidence: Evidence) -> tuple[IntArray, FloatArray]:
-    """Pairs of stations (indices) between which lanes may be closed, and the log of their chances beforehand."""
-    n_stations = evidence.lanes.shape[1]
-    places = np.unique(np.linspace(1, n_stations, PLACES).astype(int))
-    closes, opens = (side.ravel() for side in np.meshgrid(places[:-1], places, indexing="ij"))
-    pairs = np.column_stack([closes, opens])[opens > closes]
-    length = (pairs[:, 1] - pairs[:, 0]) * evidence.spacing
-    prior = np.exp(-0.5 * (np.log(length / CORE_M) / CORE_SPREAD) ** 2)
-    return pairs, np.log(prior / prior.sum())
+    return ChangeCosts(pattern=pattern, closures=closures, fit=np.exp(-cost), ever=ever)
 
 
 _NOWHERE = 1_000  # a lane that no trace is in

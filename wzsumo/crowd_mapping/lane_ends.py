@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wzsumo.crowd_mapping.announcement import Announced, Announcement
+from wzsumo.crowd_mapping.closures import DOWNSTREAM_TAPER_M
 from wzsumo.crowd_mapping.kinks import Shift
 from wzsumo.crowd_mapping.lane_levels import LaneLevels
 from wzsumo.crowd_mapping.station_table import StationTable
-from wzsumo.crowd_mapping.taper_line import Announcement, TaperLine, fit_taper_line, merging_taper_m
+from wzsumo.crowd_mapping.taper_line import TaperLine, fit_taper_line, merging_taper_m
 from wzsumo.frames import FloatArray
 
-DOWNSTREAM_TAPER_M = 30.48  # per lane; MUTCD 11th ed., Table 6B-3: 50 to 100 ft
 LEAST_USERS = 0.6  # traces in a lane that is said to end
 LEAST_RETURNING = 0.08  # share of the traces in a lane that is said to open again: at 2 m error up to 5 % seem to by mistake
 SLACK_STATIONS = 3  # of a trace in a closed lane: where it closes is known to about so many
@@ -26,23 +27,6 @@ class LaneEnds:
 
     closing: dict[int, TaperLine]
     opening: dict[int, TaperLine]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Announced:
-    """The stations [m] of a zone's first and last device, and the road's shoulders, right and left, in lane widths."""
-
-    start: float
-    end: float
-    shoulders: tuple[float, float]
-
-    def closing(self, lane: int, *, lanes_before: int) -> Announcement:
-        """The announcement of the end of a lane on the right (below 0) or on the left."""
-        return Announcement(station=self.start, lanes_before=lanes_before, shoulder=self.shoulders[lane > 0])
-
-    def opening(self, *, lanes_before: int) -> Announcement:
-        """The announcement of a lane's new beginning, seen against the direction of travel: no shoulder opens before it."""
-        return Announcement(station=-self.end, lanes_before=lanes_before, shoulder=0.0)
 
 
 def fit_lane_ends(
@@ -81,6 +65,7 @@ class _Ways:
     ) -> None:
         self.stations, self.weights, self.levels = table.stations, weights, levels
         self.half_vehicle, self.shifts = half_vehicle, shifts
+        self.doubts = 1 - levels.hypothesis.first.max(axis=1)
         whole = np.rint(levels.lanes).astype(int)
         # One who seems to drive where the lanes are closed was mistaken: such a trace says nothing of where they end.
         beyond = (whole >= levels.n_lanes) | (whole < 0)
@@ -115,5 +100,5 @@ class _Ways:
         kinks = [kink for shift in away if after < (kink := sign * (shift.start if sign > 0 else shift.end)) < self.far[sign]]
         return fit_taper_line(
             at, users, length=length, half_vehicle=self.half_vehicle, kink=min(kinks, default=None),
-            announcement=announcement,
+            announcement=announcement, doubts=self.doubts[using],
         )  # fmt: skip

@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pandas as pd
 
+from wzsumo.crowd_mapping.closures import ClosurePrior
 from wzsumo.crowd_mapping.common_path import CommonPath, extend, lanes_along
 from wzsumo.crowd_mapping.kinks import Shift, find_shifts
 from wzsumo.crowd_mapping.lane_ends import fit_lane_ends
@@ -15,6 +16,7 @@ from wzsumo.crowd_mapping.map_before import WIDTH_SD_M, Anchor, MapBefore, ancho
 from wzsumo.crowd_mapping.path_fit import fit_common_path
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.station_table import StationTable, tabulate
+from wzsumo.crowd_mapping.taper_line import merging_taper_m
 from wzsumo.crowd_mapping.traffic_speed import traffic_speed
 from wzsumo.crowd_mapping.turning_errors import turning_of
 from wzsumo.errors import TraceError
@@ -96,16 +98,20 @@ def _path(
 
 
 def _model(basis: TraceBasis) -> LaneStructure:
-    likely = fit_lane_levels(
-        basis.path, width=_width(basis.spec, basis.before), weights=basis.weights, n_lanes=basis.spec.open_lanes
+    width = _width(basis.spec, basis.before)
+    closure = ClosurePrior(
+        stations=basis.table.stations,
+        announced=basis.before.announced if basis.before else None,
+        merging_m=merging_taper_m(basis.speed_mps, width_m=width[0]),
     )
+    likely = fit_lane_levels(basis.path, width=width, weights=basis.weights, closure=closure, n_lanes=basis.spec.open_lanes)
     shifts = find_shifts(basis.table.stations, basis.path.course, speed_mps=basis.speed_mps)
     return _of_likeliest(basis, likely, shifts=tuple(shifts))
 
 
 def _of_likeliest(basis: TraceBasis, likely: list[tuple[float, LaneLevels]], *, shifts: tuple[Shift, ...]) -> LaneStructure:
     """The model of the likeliest of (chance, levels), with the others as its alternatives."""
-    anchors = [_anchor(basis, levels) for _, levels in likely]
+    anchors = [_anchor(basis, levels, shifts) for _, levels in likely]
     fits = np.array([anchor.log_fit for anchor in anchors])
     chances = np.array([chance for chance, _ in likely])
     if np.isfinite(fits).any():  # else no hypothesis fits the road before: the traces alone have to say
@@ -119,10 +125,10 @@ def _of_likeliest(basis: TraceBasis, likely: list[tuple[float, LaneLevels]], *, 
     return replace(models[0], alternatives=tuple(models[1:]))
 
 
-def _anchor(basis: TraceBasis, levels: LaneLevels) -> Anchor:
+def _anchor(basis: TraceBasis, levels: LaneLevels, shifts: tuple[Shift, ...]) -> Anchor:
     if basis.before is None:
         return Anchor(levels=levels, first_lane=None, log_fit=0.0)
-    return anchored(levels, basis.path, basis.table, basis.before, basis.weights)
+    return anchored(levels, basis.path, basis.table, basis.before, weights=basis.weights, shifts=shifts)
 
 
 def _of_levels(basis: TraceBasis, anchor: Anchor, chance: float, *, shifts: tuple[Shift, ...]) -> LaneStructure:

@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wzsumo.crowd_mapping.change_costs import ChangeCosts, Evidence, change_costs
+from wzsumo.crowd_mapping.closures import ClosurePrior, one_closure
 from wzsumo.crowd_mapping.lane_em import LaneLikelihood, LanePlaces, LanePrior, fit_lanes
 from wzsumo.crowd_mapping.lane_patterns import LanePattern, likely_patterns
 from wzsumo.frames import FloatArray
 
-FIRST_SPREAD_M = 0.5
 SHARE_COUNTS = (3.0, 0.5)  # prior counts of vehicles in each open and each closing lane: open lanes are used about alike
 LEAST_USERS = 0.6  # traces in the outermost lanes: a lane that nobody drove in is none
 MOST_TRACES = 100  # by which hypotheses are weighed
 HOPELESS = 12.0  # behind the best start in log evidence
-STARTS, ROUNDS = 3, 25
+STARTS, QUICK_ROUNDS, ROUNDS = 3, 4, 25
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,13 +41,15 @@ class LaneHypothesis:
     log_evidence: float
 
 
-def likely_hypotheses(evidence: Evidence, *, n_open: int | None, least_closed: int) -> list[LaneHypothesis]:
+def likely_hypotheses(
+    evidence: Evidence, closure: ClosurePrior, *, n_open: int | None, least_closed: int
+) -> list[LaneHypothesis]:
     """Hypotheses, the likeliest first, that differ in their lanes or by half a lane in level; `n_open` where that is known."""
     few = _thinned(evidence)
     tries = []
     for pattern in likely_patterns(n_open, least_closed=least_closed):
-        costs = change_costs(few, pattern)
-        quick = [_fit(few, costs, right=right, rounds=2) for right in _starts(few, pattern.n_lanes)]
+        costs = change_costs(few, pattern, closures=closure.closures(pattern))
+        quick = [_fit(few, costs, right=right, rounds=QUICK_ROUNDS) for right in _starts(few, pattern.n_lanes)]
         tries += [(fit, costs) for fit in sorted(quick, key=_by_evidence)[:STARTS]]
     enough = max(fit.log_evidence for fit, _ in tries) - HOPELESS
     fits = [_fit(few, costs, right=fit.right, rounds=ROUNDS) for fit, costs in tries if fit.log_evidence > enough]
@@ -64,7 +66,7 @@ def _same(fit: LaneHypothesis, other: LaneHypothesis) -> bool:
 
 def fit_again(hypothesis: LaneHypothesis, evidence: Evidence) -> LaneHypothesis:
     """The hypothesis, with the closure where it was, fitted to other evidence; its own evidence stays."""
-    costs = change_costs(evidence, hypothesis.pattern, pair=(hypothesis.closes, hypothesis.opens))
+    costs = change_costs(evidence, hypothesis.pattern, closures=one_closure(hypothesis.closes, hypothesis.opens))
     fit = _fit(evidence, costs, right=hypothesis.right, rounds=ROUNDS)
     return replace(fit, log_evidence=hypothesis.log_evidence)
 
@@ -88,17 +90,17 @@ def _thinned(evidence: Evidence) -> Evidence:
 
 
 def _fit(evidence: Evidence, costs: ChangeCosts, *, right: float, rounds: int) -> LaneHypothesis:
-    n_lanes, n = costs.pattern.n_lanes, float(evidence.weights.sum())
+    n_lanes, n, usual = costs.pattern.n_lanes, float(evidence.weights.sum()), evidence.usual_spread
     closed = np.isin(np.arange(n_lanes), costs.pattern.closed)
     fitted = fit_lanes(
-        LaneLikelihood(levels=evidence.levels, weights=evidence.weights, fit=costs.fit, log_prior=costs.log_prior),
-        start=LanePlaces(right=right, width=evidence.width[0], spread=FIRST_SPREAD_M, shares=np.full(n_lanes, 1 / n_lanes)),
+        LaneLikelihood(levels=evidence.levels, weights=evidence.weights, fit=costs.fit, log_prior=costs.closures.log_chance),
+        start=LanePlaces(right=right, width=evidence.width[0], spread=usual, shares=np.full(n_lanes, 1 / n_lanes)),
         prior=LanePrior(
-            width=evidence.width, usual_spread=evidence.usual_spread, counts=np.where(closed, *SHARE_COUNTS[::-1])
+            width=evidence.width, usual_spread=usual, counts=np.where(closed, *SHARE_COUNTS[::-1])
         ),
         rounds=rounds,
     )  # fmt: skip
-    closes, opens = costs.pairs[int(np.argmax(fitted.pair_chance))]
+    closes, opens = costs.closures.pairs[int(np.argmax(fitted.pair_chance))]
     # Free parameters by Schwarz' criterion; the width's prior and the closure's places are integrated already.
     penalty = 0.5 * n_lanes * np.log(max(n, 2.0))
     users = np.einsum("nf,n,nfk->k", fitted.first, evidence.weights, costs.ever)
@@ -107,5 +109,5 @@ def _fit(evidence: Evidence, costs: ChangeCosts, *, right: float, rounds: int) -
         pattern=costs.pattern, right=fitted.places.right, width=fitted.places.width,
         covariance=np.asarray(np.linalg.inv(fitted.precision)), spread=fitted.places.spread, closes=int(closes),
         opens=int(opens), first=fitted.first,
-        log_evidence=-np.inf if unused and rounds > 2 else fitted.log_posterior - penalty + costs.pattern.log_prior,
+        log_evidence=-np.inf if unused and rounds > QUICK_ROUNDS else fitted.log_posterior - penalty + costs.pattern.log_prior,
     )  # fmt: skip

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wzsumo.crowd_mapping.change_costs import Evidence
+from wzsumo.crowd_mapping.closures import ClosurePrior
 from wzsumo.crowd_mapping.common_path import CommonPath
 from wzsumo.crowd_mapping.lane_hypotheses import LaneHypothesis, fit_again, likely_hypotheses
 from wzsumo.crowd_mapping.station_table import STATION_SPACING_M
@@ -60,26 +61,24 @@ class LaneLevels:
 
 
 def fit_lane_levels(
-    path: CommonPath, *, width: tuple[float, float], weights: FloatArray, n_lanes: int | None
+    path: CommonPath, *, width: tuple[float, float], weights: FloatArray, closure: ClosurePrior, n_lanes: int | None
 ) -> list[tuple[float, LaneLevels]]:
     """(chance, levels) of the likeliest hypotheses for a prior of the lanes' width (mean, sd) [m], the likeliest first.
 
     Few traces, or poor ones, leave it open which lanes there are: whoever uses the levels should ask them all. `n_lanes`
     lanes are open where that is known.
     """
+    evidence = {side: _evidence(path, weights, width, side=side) for side in (1, -1)}
     fits = [
         (fit.log_evidence, side, fit)
-        for side, least in ((1, 0), (-1, 1))
-        for fit in likely_hypotheses(_evidence(path, weights, width, side=side), n_open=n_lanes, least_closed=least)
+        for side, least, prior in ((1, 0, closure), (-1, 1, closure.mirrored))
+        for fit in likely_hypotheses(evidence[side], prior, n_open=n_lanes, least_closed=least)
     ]
     fits.sort(key=lambda fit: -fit[0])
     chances = np.exp([log_evidence - fits[0][0] for log_evidence, _, _ in fits[:MOST_HYPOTHESES]])
     chances /= chances.sum()
     likely = [(chance, side, fit) for chance, (_, side, fit) in zip(chances, fits, strict=False) if chance > LEAST_CHANCE]
-    return [
-        (float(chance), _levels(path, fit_again(fit, _evidence(path, weights, width, side=side)), width, side=side))
-        for chance, side, fit in likely
-    ]
+    return [(float(chance), _levels(path, fit_again(fit, evidence[side]), width, side=side)) for chance, side, fit in likely]
 
 
 def refresh(levels: LaneLevels, path: CommonPath, *, weights: FloatArray) -> LaneLevels:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wzsumo.crowd_mapping.announcement import Announced
 from wzsumo.crowd_mapping.common_path import CommonPath
-from wzsumo.crowd_mapping.lane_ends import Announced
+from wzsumo.crowd_mapping.kinks import Shift
 from wzsumo.crowd_mapping.lane_levels import LaneLevels
 from wzsumo.crowd_mapping.station_table import StationTable
 from wzsumo.errors import TraceError
@@ -19,6 +20,12 @@ from wzsumo.road import Road
 WIDTH_SD_M = 0.03  # of the striped lanes: a painter's accuracy
 RAMP_LENGTHS_M = np.arange(20.0, 201.0, 20.0)  # of a whole lane's move: from a lane change to L/2 at 75 mph
 LEAST_STATIONS = 2  # outside the zone, without which nothing is anchored
+# Of MUTCD's six drawings of stationary work on a freeway (11th ed., TA-33 to TA-39 without 35) one, TA-36, closes no lane.
+ALL_OPEN = 0.2
+TOWARDS_CLOSED = (
+    0.05  # that lanes shift first to the side where one is closed, not away from the work, as ibid., TA-36: a guess
+)
+BOTH_SIDES = 0.05  # that lanes close on both sides of the open ones: none of those drawings has it
 SHY_SD_M = 0.05  # drivers as a whole keep to the middle of lanes beside devices as exactly as before them: a guess
 
 
@@ -90,7 +97,15 @@ def _smoothing_ramp(course: FloatArray, stations: FloatArray, *, size: float) ->
     return np.asarray(ramps[int(np.argmin(left))])
 
 
-def anchored(levels: LaneLevels, path: CommonPath, table: StationTable, before: MapBefore, weights: FloatArray) -> Anchor:
+def anchored(
+    levels: LaneLevels,
+    path: CommonPath,
+    table: StationTable,
+    before: MapBefore,
+    *,
+    weights: FloatArray,
+    shifts: tuple[Shift, ...],
+) -> Anchor:
     """The levels corrected by the stations outside the announced zone, whose offsets are in the frame of `before.road`."""
     outside = (table.stations < before.start) | (table.stations > before.end)
     seen = (weights[:, None] * np.isfinite(table.offsets)).sum(axis=0)
@@ -116,6 +131,7 @@ def anchored(levels: LaneLevels, path: CommonPath, table: StationTable, before: 
     own = levels.level_sd(middle) ** 2
     best = int(np.argmin(np.abs(centres - here)))
     miss = centres[best] - here
+    closing = _lanes_beside(levels, candidates[best], before)
     # A Kalman step: what is observed is the level of the middle of the open lanes.
     gain = levels.covariance @ np.array([1.0, middle]) / (own + variance)
     covariance = levels.covariance - np.outer(gain, gain) * (own + variance)
@@ -127,14 +143,22 @@ def anchored(levels: LaneLevels, path: CommonPath, table: StationTable, before: 
             covariance=covariance,
         ),
         first_lane=candidates[best],
-        log_fit=float(-0.5 * miss**2 / (own + variance) - 0.5 * np.log(own + variance)),
+        log_fit=float(-0.5 * miss**2 / (own + variance) - 0.5 * np.log(own + variance)) + _log_chance(levels, closing, shifts),
     )
+
+
+def _log_chance(levels: LaneLevels, closing: tuple[int, ...], shifts: tuple[Shift, ...]) -> float:
+    """Log of the chance beforehand that work closes such lanes, with the shifts that there are."""
+    none_closed = not (closing or levels.interior)
+    towards = bool(shifts) and any(lane * shifts[0].size > 0 for lane in closing)
+    both_sides = bool(closing) and closing[0] < 0 < closing[-1]
+    return float(np.log(ALL_OPEN) * none_closed + np.log(TOWARDS_CLOSED) * towards + np.log(BOTH_SIDES) * both_sides)
 
 
 def lanes_that_close(levels: LaneLevels, anchor: Anchor, before: MapBefore) -> tuple[int, ...]:
     """Lanes of the road, as counted in `levels`, that do not go through: on the right (negative) and on the left."""
-    if anchor.first_lane is None:
-        return levels.closed
-    return tuple(
-        lane - anchor.first_lane for lane in range(before.road.own_lanes) if not 0 <= lane - anchor.first_lane < levels.n_lanes
-    )
+    return levels.closed if anchor.first_lane is None else _lanes_beside(levels, anchor.first_lane, before)
+
+
+def _lanes_beside(levels: LaneLevels, first_lane: int, before: MapBefore) -> tuple[int, ...]:
+    return tuple(lane - first_lane for lane in range(before.road.own_lanes) if not 0 <= lane - first_lane < levels.n_lanes)

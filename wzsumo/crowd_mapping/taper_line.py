@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
+from wzsumo.crowd_mapping.announcement import Announcement
 from wzsumo.frames import FloatArray
 from wzsumo.units import METRES_PER_FOOT, feet_from_metres, mph_from_mps
 
@@ -13,8 +14,7 @@ EARLY_SHARE = 0.3  # chance that all drivers leave the lane well ahead of where 
 STATION_SD_M = 8.0  # of the place of a lane change between stations 10 m apart
 LENGTH_FACTORS, LENGTH_WEIGHTS = np.array([0.85, 1.0, 1.15]), np.array([0.25, 0.5, 0.25])  # of the taper's length
 STEP_M = 2.0
-LEAST_SHOULDER, MOST_WITH_SHOULDER = 0.6, 0.9  # 8 ft in lanes; chance that so wide a shoulder is closed by a taper of its own
-ANNOUNCED_SD_M = 8.0  # of a taper's end, where the manual says how long it is: devices are set out by pacing
+LEAST_DOUBT = 0.02  # that a trace is where its levels and lane changes say: as `change_costs.MISTAKEN`
 
 
 def merging_taper_m(speed_mps: float, *, width_m: float) -> float:
@@ -56,15 +56,6 @@ class TaperLine:
         return float(np.sqrt(LENGTH_WEIGHTS @ (self.probability @ (self.stations - self.end) ** 2)))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Announcement:
-    """The station [m] of a zone's first device, and what closes ahead of a lane: other lanes, a shoulder [lane widths]."""
-
-    station: float
-    lanes_before: int
-    shoulder: float
-
-
 def fit_taper_line(
     stations: FloatArray,
     shares: FloatArray,
@@ -73,17 +64,21 @@ def fit_taper_line(
     half_vehicle: float,
     kink: float | None,
     announcement: Announcement | None = None,
+    doubts: FloatArray | None = None,
 ) -> TaperLine:
     """The belief from vehicles that left the lane: their shares (vehicles, stations) of its width still to go, at stations [m].
 
     No vehicle's body crosses the line, so each bounds it from below; how far they scatter tells how much later it may be. A
     kink of the open lanes' course at station `kink` [m], where a shifting taper starts, bounds it from above: the merging
     taper ends there, or a tangent of about L/2 before. `half_vehicle` is half a vehicle's width in lane widths. Where the
-    zone's first device is known, that says more than how vehicles scatter, and there need not be any.
+    zone's first device is known, that says more than how vehicles scatter, and there need not be any; `doubts` (vehicles,)
+    are the chances that they drove in another lane after all.
     """
     lengths = length * LENGTH_FACTORS
     if announcement:
-        return _announced_line(stations, shares, lengths, half_vehicle=half_vehicle, kink=kink, announcement=announcement)
+        sure = np.ones(len(shares)) if doubts is None else 1 - np.maximum(doubts, LEAST_DOUBT)
+        each = [_bounds(stations, shares, at, half_vehicle) for at in lengths]
+        return _announced_line(lengths, each, sure, kink=kink, announcement=announcement)
     bounds = np.array([_bounds(stations, shares, at, half_vehicle) for at in lengths])
     low = float(bounds.min())
     ends = np.arange(low - 4 * STATION_SD_M, max(float(bounds.max()), kink or low) + MOST_GAPS * GAP_PRIOR_M, STEP_M)
@@ -108,42 +103,18 @@ def _bounds(stations: FloatArray, shares: FloatArray, length: float, half_vehicl
 
 
 def _announced_line(
-    stations: FloatArray,
-    shares: FloatArray,
-    lengths: FloatArray,
-    *,
-    half_vehicle: float,
-    kink: float | None,
-    announcement: Announcement,
+    lengths: FloatArray, bounds: list[FloatArray], sure: FloatArray, *, kink: float | None, announcement: Announcement
 ) -> TaperLine:
+    """The belief from what is announced, and from the vehicles' `bounds` for each length, of which each is so `sure`."""
     ends = np.arange(announcement.station, announcement.station + (4 * announcement.lanes_before + 5) * lengths[1], STEP_M)
     rows = []
-    for at in lengths:
-        last = _bounds(stations, shares, at, half_vehicle).max(initial=-np.inf)
-        belief = _after_announcement(ends, at, announcement)
-        belief = belief * ndtr((ends - last) / STATION_SD_M)
+    for at, each in zip(lengths, bounds, strict=True):
+        cleared = ndtr((ends - each[:, None]) / STATION_SD_M)
+        belief = announcement.density(ends, length=at) * (1 - sure[:, None] * (1 - cleared)).prod(axis=0)
         if kink is not None:
             belief = belief * _ahead_of_kink(kink - ends, at)
-        rows.append(belief / belief.sum() if belief.sum() > 0 else _nearest(ends, last))
+        rows.append(belief / belief.sum() if belief.sum() > 0 else _nearest(ends, each.max(initial=-np.inf)))
     return TaperLine(stations=ends, probability=np.array(rows), lengths=lengths)
-
-
-def _after_announcement(ends: FloatArray, length: float, announcement: Announcement) -> FloatArray:
-    """Prior density of a line's end, of a zone that begins with a merging taper or with a taper of the shoulder ahead of it.
-
-    A shoulder's taper is L/3 long, for the shoulder's own width (MUTCD 11th ed., Table 6B-3; ibid., TA-33 draws one); between
-    two merging tapers lie 2 L (ibid., TA-37) or less.
-    """
-    distance = ends - announcement.station
-    with_shoulder = MOST_WITH_SHOULDER if announcement.shoulder > LEAST_SHOULDER else 1 - MOST_WITH_SHOULDER
-    tangents = ((0.0, 1.0),) if announcement.lanes_before == 0 else ((0.0, 0.3), (1.0, 0.2), (2.0, 0.5))
-    density = np.where(distance > length, 0.05 * np.exp(-(distance - length) / (2 * length)) / (2 * length), 0.0)
-    for shoulder, share in ((0.0, 1 - with_shoulder), (announcement.shoulder / 3, with_shoulder)):
-        for tangent, weight in tangents:
-            end = (shoulder + 1 + announcement.lanes_before * (1 + tangent)) * length
-            miss = (distance - end) / ANNOUNCED_SD_M
-            density = density + 0.95 * share * weight * np.exp(-0.5 * miss**2) / (np.sqrt(2 * np.pi) * ANNOUNCED_SD_M)
-    return np.asarray(density)
 
 
 def _shifted_exponential(gap: FloatArray, scale: float) -> FloatArray:
@@ -156,7 +127,7 @@ def _ahead_of_kink(distance: FloatArray, length: float) -> FloatArray:
     """Prior density of the line's end at a distance [m] ahead of where the shift starts: at once, or after a tangent."""
     at_once = np.exp(-0.5 * (distance / 10.0) ** 2) / 10.0
     tangent = np.exp(-0.5 * ((distance - length / 2) / (0.1 * length)) ** 2) / (0.1 * length)
-    anywhere = np.where((distance > -10) & (distance < 2 * length), 1 / length, 0.0)
+    anywhere = np.where(distance > -10, 1 / length, 0.0)  # the shift may be another one
     return np.asarray(0.4 * at_once + 0.4 * tangent + 0.2 * anywhere + 1e-9)
 
 
