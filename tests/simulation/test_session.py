@@ -11,7 +11,7 @@ from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
 from wzsumo.simulation.session import EGO_ID, Intrusion, running
-from wzsumo.study.lane_intrusion import intrusions
+from wzsumo.study.lane_intrusion import intrusions, seen_width
 from wzsumo.vehicle import VehicleGeometry
 
 LAYOUT = paper_layout(start_ft=3800, work_length_ft=100, closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None)
@@ -142,6 +142,38 @@ def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(
     passed, overlapped = passers_through(files, shown=True)
     assert passed >= 5
     assert overlapped == 0
+
+
+def who_touches_an_ego_that_stands_askew(files, *, wide):
+    """Ids of those whose outline overlaps an ego that has stopped 0.7 m beside the middle of its lane, turned by 7 degrees."""
+    x, speed, touching = 250.0, 10.0, set()
+    with running(files.config, options=FINE) as session:
+        while session.time < 40:
+            session.step()
+        session.request_ego(CAR, edge=files.edges[0].id, lane=1, position=x + CAR.axle_to_bumper_m, speed=speed)
+        while not session.has_ego():
+            session.step()
+        session.take_over_ego()
+        traffic = session.traffic()
+        while session.time < 85:
+            speed = max(speed - 0.1, 0.0)
+            x += 0.05 * speed
+            state = EgoState(x=x, y=1.5 * LANE + 0.7, heading=0.12, speed=speed)
+            width = seen_width(state, CAR, road=LAYOUT.road) if wide else None
+            seen = intrusions(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+            session.place_ego(state, CAR, width=width, intrusions=seen)
+            session.step()
+            traffic = session.traffic()
+            sizes = np.column_stack([traffic.lengths, traffic.widths])
+            centre = advance(state.pose, CAR.axle_to_centre_m)
+            hit = boxes_overlap(centre, np.array([CAR.length_m, CAR.width_m]), traffic.poses, sizes)
+            touching |= set(np.array(traffic.ids)[hit])
+    return touching
+
+
+def test_drivers_creep_into_the_corner_of_an_ego_that_stands_askew_unless_it_is_shown_as_wide_as_it_lies(files):
+    assert who_touches_an_ego_that_stands_askew(files, wide=False)  # the trap: SUMO lays it along the lane
+    assert not who_touches_an_ego_that_stands_askew(files, wide=True)
 
 
 def test_stand_in_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(files, capfd):

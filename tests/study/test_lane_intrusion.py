@@ -5,7 +5,7 @@ from builders import paper_layout
 from wzsumo.ego import EgoState
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.traffic import Traffic
-from wzsumo.study.lane_intrusion import intrusions
+from wzsumo.study.lane_intrusion import intrusions, seen_width
 from wzsumo.vehicle import VehicleGeometry
 
 LAYOUT = paper_layout()
@@ -69,3 +69,16 @@ def test_turned_ego_reaches_over_with_its_corner():
     # Front left corner: 3.72 sin 20 + 0.93 cos 20 = 2.15 m to the left of the axle, the line is 1.83 m off.
     assert [part.lane for part in turned] == [2]
     assert turned[0].width == pytest.approx(2.146 - LANE / 2 + 0.3, abs=0.002)
+
+
+def test_ego_along_its_lane_is_seen_as_wide_as_it_is_with_its_clearance():
+    straight = EgoState(x=100.0, y=LANE / 2, heading=0.0, speed=5.0)
+    assert seen_width(straight, CAR, road=LAYOUT.road) == pytest.approx(CAR.width_m + 2 * 0.3)
+
+
+@pytest.mark.parametrize("turned", [0.12, -0.12])
+def test_turned_ego_is_seen_wide_enough_for_its_rear_corner(turned):
+    askew = EgoState(x=100.0, y=LANE / 2, heading=turned, speed=0.0)
+    # From the middle of the front to the rear corner: L sin + w/2 cos across the lane.
+    across = CAR.length_m * np.sin(0.12) + CAR.width_m / 2 * np.cos(0.12)
+    assert seen_width(askew, CAR, road=LAYOUT.road) == pytest.approx(2 * (across + 0.3))

@@ -139,8 +139,12 @@ class Session:
             api.setEmergencyDecel(name, own)
         self._brake_hard = set(names)
 
-    def place_ego(self, state: EgoState, vehicle: VehicleGeometry, *, intrusions: tuple[Intrusion, ...] = ()) -> None:
+    def place_ego(
+        self, state: EgoState, vehicle: VehicleGeometry, *, width: float | None = None, intrusions: tuple[Intrusion, ...] = ()
+    ) -> None:
         """Put the ego at `state` at the end of the coming step, which drivers then see in every lane it reaches into.
+
+        In its own it is `width` [m] wide, if not as wide as the vehicle and SIDE_CLEARANCE_M beside it.
 
         SUMO counts a vehicle that moveToXY placed to the one lane nearest to its front: drivers in the next lane pass through
         whatever reaches into theirs. A vehicle without a driver stands in for that part, for as long as it is there. It stays
@@ -148,6 +152,7 @@ class Session:
         over stand-ins that had been removed, or taken off the road, under their eyes. It rides inside the ego then.
         """
         bumper = advance(state.pose, vehicle.axle_to_bumper_m)
+        self._sumo.vehicle.setWidth(EGO_ID, width or vehicle.width_m + 2 * SIDE_CLEARANCE_M)
         self._place(EGO_ID, bumper, speed=state.speed)
         for lane in sorted(self._stand_ins.keys() - {intrusion.lane for intrusion in intrusions}):
             self._inside.append(self._stand_ins.pop(lane))

@@ -1,4 +1,4 @@
-"""Which lanes the ego reaches into beside the one that SUMO counts it to."""
+"""What the other drivers are shown of the ego: its width in the lane that SUMO counts it to, and what reaches into others."""
 
 import numpy as np
 
@@ -14,6 +14,16 @@ from wzsumo.vehicle import VehicleGeometry
 LEAST_REACH_M = 0.02  # less is not an intrusion
 BLOCKING_REACH_M = 0.5  # who reaches farther into a lane takes all of it: SUMO's drivers would squeeze past and be shut in
 TIE_M = 0.1  # so near the line between two lanes nobody knows to which one SUMO counts the ego: it is shown in both
+
+
+def seen_width(state: EgoState, vehicle: VehicleGeometry, *, road: Road) -> float:
+    """Width [m] of the ego in its own lane: SUMO lays it along the lane, its front in the middle, however it is turned.
+
+    So wide its outline lies within it, with SIDE_CLEARANCE_M beside it. With the width of the car alone drivers who creep
+    around an ego that waits askew between two lanes run into its rear corner.
+    """
+    _, offsets = road.to_sd(np.vstack([advance(state.pose, vehicle.axle_to_bumper_m)[:2], vehicle.outline(state.pose)]))
+    return 2 * (float(np.abs(offsets[1:] - offsets[0]).max()) + SIDE_CLEARANCE_M)
 
 
 def intrusions(
