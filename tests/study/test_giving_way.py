@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from builders import paper_layout
@@ -34,7 +36,7 @@ def way(y=RIGHT, *, slope=0.0, speed=10.0, desired_speed=10.0, x=50.0):
     return Way(
         route=route_along(path, layout=LAYOUT, vehicle=CAR), station=0.0, vehicle=CAR,
         state=EgoState(x=x, y=y, heading=float(np.arctan(slope)), speed=speed),
-        desired_speed=desired_speed, acceleration=1.4,
+        desired_speeds=np.full_like(s, desired_speed), acceleration=1.4,
     )  # fmt: skip
 
 
@@ -48,6 +50,14 @@ def test_ego_waits_for_a_vehicle_that_would_be_alongside_where_it_drifts_to():
     # 3.66 m apart, half widths of 0.93 and 0.925 m and 0.5 m of margin leave 1.30 m; its front corner swings out by
     # 2.32 m x sin 5.7 degrees = 0.23 m: reached after 1.07 m of drift, less 0.14 m that the centre is ahead.
     assert ahead_m == pytest.approx(9.4, abs=0.2)
+
+
+def test_ego_that_will_slow_down_before_it_drifts_waits_for_who_then_comes_alongside():
+    # 20 m behind at its own speed of 20 m/s. Braking with 2 m/s2 it comes 60 m far in 3.7 s, the other 74 m.
+    steady = way(slope=0.02, speed=20.0, desired_speed=20.0)
+    slowing = replace(steady, desired_speeds=np.full_like(steady.desired_speeds, 8.0))
+    assert waiting_place(steady, one_vehicle(-20, MIDDLE, speed=20.0)) is None
+    assert waiting_place(slowing, one_vehicle(-20, MIDDLE, speed=20.0)) == pytest.approx(60.0, abs=5.0)
 
 
 def test_ego_does_not_wait_for_a_vehicle_that_passes_beside_its_straight_path():

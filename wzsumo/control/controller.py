@@ -3,6 +3,7 @@
 from math import inf, radians
 from typing import Literal
 
+import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
@@ -16,6 +17,7 @@ from wzsumo.control.regulated_pursuit import RegulatedSpec, regulated_steering
 from wzsumo.control.speed_profile import Pace, SpeedProfile
 from wzsumo.ego import Command, EgoState
 from wzsumo.errors import InputError
+from wzsumo.frames import FloatArray
 from wzsumo.path import ReferencePath
 from wzsumo.spec import Spec, parse_spec
 from wzsumo.vehicle import VehicleGeometry
@@ -66,6 +68,11 @@ class Controller:
         self._frame = PathFrame.of(path)
         self._profile = SpeedProfile.of(path, spec=self._spec.regulated, speed_limits=speed_limits)
         self._position: PathPosition | None = None
+
+    def speeds_at(self, stations: npt.ArrayLike) -> FloatArray:
+        """Speeds (n,) [m/s] that it keeps at stations (n,) [m] along the path if nobody is ahead."""
+        target = np.full(np.shape(stations), self._spec.target_speed_mps)
+        return target if self._spec.lateral == "paper" else np.minimum(target, self._profile.speeds_at(stations))
 
     @property
     def cross_track_m(self) -> float:

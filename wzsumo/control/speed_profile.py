@@ -57,6 +57,10 @@ class SpeedProfile:
         square = self.squares[i] + slope * (station_m - self.stations[i])
         return Pace(speed=sqrt(max(square, 0.0)), acceleration=slope / 2)  # v dv/ds
 
+    def speeds_at(self, stations: npt.ArrayLike) -> FloatArray:
+        """Highest speeds (n,) [m/s] at stations (n,) [m]."""
+        return np.sqrt(np.interp(np.asarray(stations, dtype=float), self.stations, self.squares))
+
 
 def clearance_speed_limits(
     clearance_m: npt.ArrayLike, *, target_speed_mps: float, full_speed_clearance_m: float, min_speed_mps: float

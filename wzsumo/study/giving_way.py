@@ -50,7 +50,7 @@ class Way:
     station: float  # m, of the rear axle along the path
     state: EgoState
     vehicle: VehicleGeometry
-    desired_speed: float  # m/s
+    desired_speeds: FloatArray  # (n,) m/s at the route's poses, slower before and in bends
     acceleration: float  # m/s2, with which it takes up speed
 
 
@@ -174,12 +174,16 @@ def _tracks(station: FloatArray, across: FloatArray, at: FloatArray, *, layout: 
 
 
 def _carried_on(way: Way, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Stations on the path and speeds (n,) of the ego at times (n,) if it takes up or keeps its desired speed."""
-    speed, wanted = way.state.speed, max(way.desired_speed, way.state.speed)
-    until = (wanted - speed) / way.acceleration
-    rising = np.minimum(times, until)
-    travelled = speed * rising + way.acceleration * rising**2 / 2 + wanted * np.maximum(times - until, 0.0)
-    return way.station + travelled, speed + way.acceleration * rising
+    """Stations on the path and speeds (m,) of the ego at times (m,) if it takes up the speeds that it desires on its way."""
+    route = way.route.stations
+    stations = np.append(way.station, route[route > way.station])
+    squares, gone = way.state.speed**2, stations - way.station
+    rising, falling = squares + 2 * way.acceleration * gone, squares - 2 * COMFORTABLE_DECELERATION_MPS2 * gone
+    desired = np.interp(stations, route, way.desired_speeds) ** 2
+    speeds = np.sqrt(np.minimum(rising, np.maximum(np.maximum(desired, falling), 0.0)))
+    # Under constant acceleration the mean speed of a stretch is that of its ends.
+    passed = np.append(0.0, np.cumsum(2 * np.diff(stations) / np.maximum(speeds[:-1] + speeds[1:], 1e-6)))
+    return np.interp(times, passed, stations), np.interp(times, passed, speeds)
 
 
 def _in_frame(offsets: FloatArray, heading: npt.NDArray[np.float64]) -> tuple[FloatArray, FloatArray]:

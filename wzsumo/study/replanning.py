@@ -32,14 +32,14 @@ class Course:
     def __init__(self, path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry, control: ControlSpec) -> None:
         self.path = path
         self.controller = Controller(path, vehicle, control)
-        self.route = route_along(path, layout=layout, vehicle=vehicle)
+        self.route, self._speeds = route_along(path, layout=layout, vehicle=vehicle), self.controller.speeds_at(path.arc_length)
         self._layout, self._vehicle, self._control = layout, vehicle, control
 
     def way(self, state: EgoState) -> Way:
         """How the ego would go on from `state` if nobody hindered it."""
         return Way(
             route=self.route, station=self.controller.station_m, state=state, vehicle=self._vehicle,
-            desired_speed=self._control.target_speed_mps, acceleration=self._control.idm.acceleration_mps2,
+            desired_speeds=self._speeds, acceleration=self._control.idm.acceleration_mps2,
         )  # fmt: skip
 
     def replan(self, new_map: NewMap, state: EgoState, *, time: float) -> Replan:
@@ -54,6 +54,7 @@ class Course:
             self.path = ReferencePath(poses=np.concatenate([self.path.poses[:joint], plan.path.poses]))
             self.controller.follow(self.path)
             self.route = route_along(self.path, layout=self._layout, vehicle=self._vehicle)
+            self._speeds = self.controller.speeds_at(self.path.arc_length)
         return Replan(
             time_s=time, station_m=float(stations[joint]), status=str(plan.status), reason=plan.reason,
             plan_ms=plan.timings_ms["total"],
