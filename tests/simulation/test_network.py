@@ -7,7 +7,7 @@ from builders import bent_road, paper_layout, paper_road, paper_work_zone
 
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.edges import edges_of
-from wzsumo.simulation.network import LINE_MARGIN_M, REST_WIDTH_M, write_network
+from wzsumo.simulation.network import LINE_MARGIN_M, LONGEST_M, REST_WIDTH_M, write_network
 
 UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
 NARROWEST_FT = 8  # a closing lane ends where it is narrower
@@ -120,3 +120,12 @@ def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path, name):
     for edge in edges_of(layout):
         lengths = [float(lane.get("length")) for lane in net.findall(f"edge[@id='{edge.id}']/lane")]
         assert lengths == pytest.approx([edge.end - edge.start] * len(edge.lanes), abs=0.01), edge.id
+
+
+@pytest.mark.parametrize("radius_ft", [1000, -1000, 3000])
+def test_lanes_on_a_bend_are_narrower_by_what_a_truck_cuts_on_either_side(tmp_path, radius_ft):
+    layout = lay_out(paper_work_zone(closed_lanes=(), **UNSHIFTED), bent_road(radius_ft))
+    widths = {width for _, _, _, width, _ in lanes_of_net(layout, tmp_path)}
+    lane_m, sagitta_m = 12 * 0.3048, LONGEST_M**2 / (8 * abs(radius_ft) * 0.3048)
+    assert min(widths) == pytest.approx(lane_m - LINE_MARGIN_M - 2 * sagitta_m, abs=0.01)  # a polyline's corners are sharper
+    assert max(widths) <= lane_m - LINE_MARGIN_M + 0.0005

@@ -106,7 +106,7 @@ def outer_sides_of_kinks(lane_api, edges, *, aside_m):
         for lane in [f"{edge.id}_{index}" for index in range(len(edge.lanes))]:
             for following, *_, across_the_node, _, _, _ in lane_api.getLinks(lane):
                 ends = np.array(lane_api.getShape(lane)[-2:])
-                goes_on = np.array(lane_api.getShape(across_the_node)[:2])
+                goes_on = np.array(lane_api.getShape(following)[:2])
                 before, after = (np.arctan2(*np.diff(line, axis=0)[0, ::-1]) for line in (ends, goes_on))
                 if 0.005 < abs(after - before) < 0.1:
                     heading = (before + after) / 2

@@ -35,6 +35,7 @@ from wzsumo.work_zone import OpenLane, WorkZoneLayout
 LAST_CHANGE_AHEAD_M = 100.0  # of closed lanes between two open ones: what is begun there ends before (4 s at 25 m/s)
 REST_WIDTH_M = 0.1  # of a closed lane past its end and of a gore, of which nothing but their being there matters
 NOBODY = "custom1"  # SUMO's vehicle class that no vehicle type here has
+LONGEST_M = 12.0  # a truck
 LINE_MARGIN_M = 0.2  # SUMO lets a vehicle touch its lane's line, and a 12 m truck cuts a kink of 1:30 by 0.1 m
 _NETCONVERT_OPTIONS = (
     # The default junction radius of 4 m moves nodes and cuts lanes; normalising moves the whole net (SUMO 1.28).
@@ -96,9 +97,10 @@ def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
             root, "edge", {"id": edge.id, "from": first, "to": last}, speed=speed, numLanes=str(len(edge.lanes)),
             spreadType="center", length=f"{edge.end - edge.start:.4f}",
         )  # fmt: skip
+        margin = LINE_MARGIN_M + 2 * _cut_on_bends(layout, edge)
         for index, lane in enumerate(edge.lanes):
             shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _centre_line(layout, lane, edge))
-            attributes = {"index": str(index), "width": f"{_width_on(lane, edge):.3f}", "shape": shape}
+            attributes = {"index": str(index), "width": f"{_width_on(lane, edge, margin=margin):.3f}", "shape": shape}
             if lane in edge.gores:
                 attributes["allow"] = NOBODY
             elif lane not in edge.through:
@@ -143,8 +145,16 @@ def _is_entry(edge: Edge, layout: WorkZoneLayout) -> bool:
     return abs(stop - here) < SAME_STATION_M
 
 
-def _width_on(lane: OpenLane, edge: Edge) -> float:
-    return min(width_at(lane, edge.start), width_at(lane, edge.end)) - LINE_MARGIN_M if lane in edge.through else REST_WIDTH_M
+def _width_on(lane: OpenLane, edge: Edge, *, margin: float) -> float:
+    return min(width_at(lane, edge.start), width_at(lane, edge.end)) - margin if lane in edge.through else REST_WIDTH_M
+
+
+def _cut_on_bends(layout: WorkZoneLayout, edge: Edge) -> float:
+    """How far [m] the middle of the longest vehicle lies inside of the bend that its ends follow; 0 on a straight."""
+    half = LONGEST_M / 2
+    s = np.linspace(max(edge.start, half), min(edge.end, layout.road.length - half), 9)
+    back, middle, front = (layout.road.to_xy(s + ahead, layout.road.travelled_width / 2) for ahead in (-half, 0.0, half))
+    return float(np.linalg.norm(middle - (back + front) / 2, axis=1).max())
 
 
 def _is_closing(lane: OpenLane, edge: Edge) -> bool:
