@@ -12,6 +12,7 @@ import numpy as np
 from wzsumo.crowd_mapping.change_costs import ChangeCosts, Evidence, change_costs
 from wzsumo.crowd_mapping.closures import ClosurePrior, one_closure
 from wzsumo.crowd_mapping.lane_em import LaneLikelihood, LanePlaces, LanePrior, fit_lanes
+from wzsumo.crowd_mapping.lane_information import covariance_of
 from wzsumo.crowd_mapping.lane_patterns import LanePattern, likely_patterns
 from wzsumo.frames import FloatArray
 
@@ -92,14 +93,10 @@ def _thinned(evidence: Evidence) -> Evidence:
 def _fit(evidence: Evidence, costs: ChangeCosts, *, right: float, rounds: int) -> LaneHypothesis:
     n_lanes, n, usual = costs.pattern.n_lanes, float(evidence.weights.sum()), evidence.usual_spread
     closed = np.isin(np.arange(n_lanes), costs.pattern.closed)
-    fitted = fit_lanes(
-        LaneLikelihood(levels=evidence.levels, weights=evidence.weights, fit=costs.fit, log_prior=costs.closures.log_chance),
-        start=LanePlaces(right=right, width=evidence.width[0], spread=usual, shares=np.full(n_lanes, 1 / n_lanes)),
-        prior=LanePrior(
-            width=evidence.width, usual_spread=usual, counts=np.where(closed, *SHARE_COUNTS[::-1])
-        ),
-        rounds=rounds,
-    )  # fmt: skip
+    seen = LaneLikelihood(levels=evidence.levels, weights=evidence.weights, fit=costs.fit, log_prior=costs.closures.log_chance)
+    start = LanePlaces(right=right, width=evidence.width[0], spread=usual, shares=np.full(n_lanes, 1 / n_lanes))
+    prior = LanePrior(width=evidence.width, usual_spread=usual, counts=np.where(closed, *SHARE_COUNTS[::-1]))
+    fitted = fit_lanes(seen, start=start, prior=prior, rounds=rounds)
     closes, opens = costs.closures.pairs[int(np.argmax(fitted.pair_chance))]
     # Free parameters by Schwarz' criterion; the width's prior and the closure's places are integrated already.
     penalty = 0.5 * n_lanes * np.log(max(n, 2.0))
@@ -107,7 +104,7 @@ def _fit(evidence: Evidence, costs: ChangeCosts, *, right: float, rounds: int) -
     unused = users.min() < LEAST_USERS * min(1.0, n)
     return LaneHypothesis(
         pattern=costs.pattern, right=fitted.places.right, width=fitted.places.width,
-        covariance=np.asarray(np.linalg.inv(fitted.precision)), spread=fitted.places.spread, closes=int(closes),
+        covariance=covariance_of(fitted, seen, prior), spread=fitted.places.spread, closes=int(closes),
         opens=int(opens), first=fitted.first,
         log_evidence=-np.inf if unused and rounds > QUICK_ROUNDS else fitted.log_posterior - penalty + costs.pattern.log_prior,
     )  # fmt: skip
