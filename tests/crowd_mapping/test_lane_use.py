@@ -84,6 +84,13 @@ def test_way_of_a_vehicle_between_two_lanes_is_open_as_far_as_it_reaches():
     assert chance[2] < 0.05
 
 
+def test_nose_of_the_work_begins_where_those_who_leave_the_lane_begin_to():
+    use = use_of([keeper(0)] * 6 + [leaver()] * 6, interior=(1,))
+    begun = STATIONS[LEAVES - 7]  # an eighth of a lane from its middle
+    # The vehicles' middles are at 1.625 widths from the right edge, 2.2 m from the lane's; they reach 1.5 m.
+    assert use.open_at(np.array([begun]), np.array([1.02]))[0] < 0.05
+
+
 def test_closure_between_open_lanes_is_told_from_one_beside_them():
     lanes = np.array([keeper(0)] * 4 + [leaver(returns=999)] * 4 + [leaver(at=LEAVES + 2)] * 2).round().astype(int)
     random = np.random.default_rng(2)

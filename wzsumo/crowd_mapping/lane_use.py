@@ -22,7 +22,7 @@ SHARE_COUNT = 3.0  # as `lane_hypotheses.SHARE_COUNTS`: prior count of vehicles 
 # One who leaves a lane at discretion does so once in 2 km, one who has to some 150 m ahead; where a closure begins, the first
 # to leave tells: anywhere within 1 km.
 DISCRETION_M, MERGE_AHEAD_M, ZONE_M = 2000.0, 150.0, 1000.0
-IN_LANE = 0.15  # of a lane's width from its middle: farther off a vehicle is on its way to another lane
+IN_LANE = 0.02  # of a lane's width from its middle: farther off a vehicle is on its way to another lane
 MOST_MISTAKEN = 0.05  # share of traces that seem to drive in a lane by mistake, at 2 m of error
 SCATTER_M = 0.6  # to either side of a driven line: 2.45 standard deviations of 0.25 m, drivers' scatter in a lane
 BLUR_M = 0.2
