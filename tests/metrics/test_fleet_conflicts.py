@@ -1,6 +1,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from builders import bent_road
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -89,6 +90,38 @@ def test_overlap_of_a_fleet_is_what_each_vehicle_finds_against_the_rest():
     ego = conflicts_with_traffic(traces[traces["vehicle_id"] == "a"], traces[traces["vehicle_id"] != "a"], dt=DT)
     assert found.loc["a", "min_ttc_s"] == ego["min_ttc_s"].min()
     assert found.loc["a", "pet_s"] == ego["pet_s"].min()
+
+
+def car_on(road, vehicle_id, *, station, offset, speed):
+    """One vehicle that follows the road at a constant offset."""
+    table = car(vehicle_id, x=station, speed=speed)
+    xy = road.to_xy(table["x_m"], offset)
+    return table.assign(x_m=xy[:, 0], y_m=xy[:, 1], heading_rad=road.heading_at(table["x_m"]))
+
+
+@pytest.mark.parametrize(("radius_ft", "inner", "outer"), [(1000, 1, 0), (-1000, 0, 1)])
+def test_who_passes_another_on_the_inside_of_a_bend_is_on_a_collision_course_only_if_he_does_not_follow_it(
+    radius_ft, inner, outer
+):
+    road = bent_road(radius_ft)
+    passing = car_on(road, "passing", station=400, offset=road.lane_centre(inner), speed=27)
+    slower = car_on(road, "slower", station=440, offset=road.lane_centre(outer), speed=20)
+    traces = pd.concat([passing, slower])
+    assert fleet_conflicts(traces, dt=DT)["min_ttc_s"].max() < 5
+    found = fleet_conflicts(traces, dt=DT, road=road)
+    assert found["min_ttc_s"].tolist() == [np.inf, np.inf]
+    assert found["max_drac_mps2"].tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("radius_ft", [1000, -1000, 3000])
+def test_follower_on_a_bend_has_hayward_s_time_of_the_gap_along_it(radius_ft):
+    road = bent_road(radius_ft)
+    middle = road.travelled_width / 2
+    traces = pd.concat(
+        [car_on(road, name, station=s, offset=middle, speed=v) for name, s, v in (("a", 400, 25), ("b", 440, 20))]
+    )
+    last_gap_m = 40 - 4.8 - 5 * traces["time_s"].max()
+    assert fleet_conflicts(traces, dt=DT, road=road)["min_ttc_s"].tolist() == pytest.approx([last_gap_m / 5] * 2, rel=0.03)
 
 
 def test_vehicle_alone_on_the_road_is_in_conflict_with_nobody():

@@ -165,7 +165,7 @@ def count_hard_brakes(vehicle: npt.ArrayLike, speed: npt.ArrayLike, *, dt: float
 
 def _vehicles(table: pd.DataFrame, trips: pd.DataFrame, layout: WorkZoneLayout, *, dt: float) -> pd.DataFrame:
     known = trips.set_index("vehicle_id")
-    conflicts = fleet_conflicts(table, dt=dt).set_index("vehicle_id")
+    conflicts = fleet_conflicts(table, dt=dt, road=layout.road).set_index("vehicle_id")
     found = known.assign(
         entered_s=table.groupby("vehicle_id")["time_s"].min(),
         delay_s=known["time_loss_s"] + known["departure_delay_s"],
