@@ -168,6 +168,18 @@ def test_vehicles_that_drove_on_beyond_the_announced_line_move_it():
     assert beyond_the_announced_line(4, doubt=0.0).end > 950.0
 
 
+def test_line_that_many_vehicles_moved_lies_just_beyond_the_last_of_them():
+    # Twenty who leave the lane one after the other over 300 m: a line 200 m beyond them all would be a coincidence.
+    stations = np.arange(0.0, 1400.0, 10.0)
+    leave = np.linspace(550.0, 850.0, 20)
+    line = fit_taper_line(
+        stations, np.where(stations < leave[:, None], 1.0, 0.0), length=200.0, half_vehicle=0.25, kink=None,
+        doubts=np.full(20, 0.05), announcement=Announcement(station=500.0, lanes_before=0, shoulder=0.0),
+    )  # fmt: skip
+    # Body's outer side at 3/4 of the lane: clear of lines of 200 m that end 150 m on.
+    assert 960 < line.end < 1060
+
+
 def test_vehicle_that_may_have_been_in_another_lane_does_not_move_the_announced_line():
     assert beyond_the_announced_line(1, doubt=0.3).end == pytest.approx(700, abs=40)
 

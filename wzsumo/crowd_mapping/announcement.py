@@ -20,24 +20,30 @@ class Announcement:
     shoulder: float
 
     def density(self, ends: FloatArray, *, length: float) -> FloatArray:
-        """Prior density [1/m] (n,) of the end of a lane's taper of some length [m], at stations `ends` (n,) [m].
+        """Prior density [1/m] (n,) of the end of a lane's taper of some length [m], at stations `ends` (n,) [m]."""
+        return self.as_drawn(ends, length=length) + self.late(ends, length=length)
+
+    def as_drawn(self, ends: FloatArray, *, length: float) -> FloatArray:
+        """The part of the density that is of lanes that end where the manual puts them.
 
         A zone begins with a merging taper, or with a taper of the shoulder ahead of it. That one is L/3 long, for the
         shoulder's own width (MUTCD 11th ed., Table 6B-3; ibid., TA-33 draws one); between two merging tapers lie 2 L (ibid.,
         TA-37) or less.
         """
-        distance = ends - self.station
         with_shoulder = MOST_WITH_SHOULDER if self.shoulder > LEAST_SHOULDER else 1 - MOST_WITH_SHOULDER
         tangents = ((0.0, 1.0),) if self.lanes_before == 0 else ((0.0, 0.3), (1.0, 0.2), (2.0, 0.5))
-        late = np.exp(-np.maximum(distance - length, 0.0) / (2 * length)) / (2 * length)
-        density = np.where(distance > length, LATE_SHARE * late, 0.0)
+        density = np.zeros(len(ends))
         for shoulder, share in ((0.0, 1 - with_shoulder), (self.shoulder / 3, with_shoulder)):
             for tangent, weight in tangents:
-                end = (shoulder + 1 + self.lanes_before * (1 + tangent)) * length
-                miss = (distance - end) / ANNOUNCED_SD_M
-                bell = np.exp(-0.5 * miss**2) / (np.sqrt(2 * np.pi) * ANNOUNCED_SD_M)
-                density = density + (1 - LATE_SHARE) * share * weight * bell
-        return np.asarray(density)
+                end = self.station + (shoulder + 1 + self.lanes_before * (1 + tangent)) * length
+                bell = np.exp(-0.5 * ((ends - end) / ANNOUNCED_SD_M) ** 2) / (np.sqrt(2 * np.pi) * ANNOUNCED_SD_M)
+                density += (1 - LATE_SHARE) * share * weight * bell
+        return density
+
+    def late(self, ends: FloatArray, *, length: float) -> FloatArray:
+        """The part of the density that is of lanes that end later, anywhere."""
+        beyond, mean = ends - self.station - length, 2 * length
+        return np.asarray(np.where(beyond > 0, LATE_SHARE * np.exp(-np.maximum(beyond, 0.0) / mean) / mean, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,9 @@ EARLY_SHARE = 0.3  # chance that all drivers leave the lane well ahead of where 
 STATION_SD_M = 8.0  # of the place of a lane change between stations 10 m apart
 LENGTH_FACTORS, LENGTH_WEIGHTS = np.array([0.85, 1.0, 1.15]), np.array([0.25, 0.5, 0.25])  # of the taper's length
 STEP_M = 2.0
-LEAST_DOUBT = 0.02  # that a trace is where its levels and lane changes say: as `change_costs.MISTAKEN`
+LEAST_DOUBT = 0.05  # that a trace was where its levels and lane changes say: at 2 m up to so many are mistaken
+ANYWHERE_M = 1000.0  # along which such a one may seem to leave the lane
+LEAST_DENSITY = 1e-12
 
 
 def merging_taper_m(speed_mps: float, *, width_m: float) -> float:
@@ -109,15 +111,31 @@ def _announced_line(
     ends = np.arange(announcement.station, announcement.station + (4 * announcement.lanes_before + 5) * lengths[1], STEP_M)
     rows = []
     for at, each in zip(lengths, bounds, strict=True):
-        cleared = ndtr((ends - each[:, None]) / STATION_SD_M)
-        belief = announcement.density(ends, length=at) * (1 - sure[:, None] * (1 - cleared)).prod(axis=0)
+        gaps = ends[:, None] - each
+        # Where the manual puts it, nobody need have come near a line: many leave early. Elsewhere those who came nearest tell.
+        cleared = (1 - sure * ndtr(-gaps / STATION_SD_M)).prod(axis=1)
+        belief = announcement.as_drawn(ends, length=at) * cleared
+        belief = belief + announcement.late(ends, length=at) * _likelihood(gaps, sure)
         if kink is not None:
             belief = belief * _ahead_of_kink(kink - ends, at)
         rows.append(belief / belief.sum() if belief.sum() > 0 else _nearest(ends, each.max(initial=-np.inf)))
     return TaperLine(stations=ends, probability=np.array(rows), lengths=lengths)
 
 
-def _shifted_exponential(gap: FloatArray, scale: float) -> FloatArray:
+def _likelihood(gaps: FloatArray, sure: FloatArray) -> FloatArray:
+    """Likelihood (ends,), 1 at its highest, of gaps (ends, vehicles) [m] from vehicles' bounds to where the line may end.
+
+    Gaps are exponential, with the mean that the gaps of those who keep clear of the line have; a vehicle that was in another
+    lane may have been anywhere.
+    """
+    clear = sure * ndtr(gaps / STATION_SD_M)
+    mean = (GAP_PRIOR_M + (clear * np.maximum(gaps, 0.0)).sum(axis=1)) / (1 + clear.sum(axis=1))
+    each = sure * _shifted_exponential(gaps, mean[:, None]) + (1 - sure) / ANYWHERE_M + LEAST_DENSITY
+    log_likelihood = np.log(each).sum(axis=1)
+    return np.asarray(np.exp(log_likelihood - log_likelihood.max()))
+
+
+def _shifted_exponential(gap: FloatArray, scale: FloatArray | float) -> FloatArray:
     """Density of an exponential gap, blurred by the stations' error: an exponentially modified Gaussian."""
     ratio = STATION_SD_M / scale
     return np.asarray(np.exp(ratio**2 / 2 - gap / scale + log_ndtr(gap / STATION_SD_M - ratio)) / scale)
