@@ -167,6 +167,7 @@ def refusal(road=None, **changes):
             {"typical_application": "TA-38", "closed_lanes": (1,), **UNSHIFTED},
             ["needs 3 lanes", "lane_count=2"],
         ),
+        ({"lane_count": 2}, {"typical_application": "TA-37", "closed_lanes": (0, 1), **UNSHIFTED}, ["needs 3 lanes"]),
         ({}, {"typical_application": "TA-38", **UNSHIFTED}, ["open lanes on both sides"]),
         ({}, {"typical_application": "TA-34", **UNSHIFTED}, ['work_space_device = "barrier"']),
         ({}, {"typical_application": "TA-33"}, ["one outer lane closed, no shift"]),

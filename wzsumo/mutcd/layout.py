@@ -11,7 +11,7 @@ from wzsumo.mutcd.device_rows import device_table
 from wzsumo.mutcd.lanes import STOP_LINE_AHEAD_FT, open_lanes
 from wzsumo.mutcd.sequence import Lines, Stretch, stretches_of
 from wzsumo.mutcd.signs import sign_table
-from wzsumo.mutcd.typical import refuse_unlike
+from wzsumo.mutcd.typical import refuse_too_narrow, refuse_unlike
 from wzsumo.road import Profile, Road
 from wzsumo.units import METRES_PER_FOOT, feet_from_metres
 from wzsumo.work_zone import Area, ClosedStrip, TakingTurns, WorkZone, WorkZoneLayout
@@ -19,6 +19,7 @@ from wzsumo.work_zone import Area, ClosedStrip, TakingTurns, WorkZone, WorkZoneL
 
 def lay_out(work_zone: WorkZone, road: Road) -> WorkZoneLayout:
     """The layout of `work_zone` on `road`. Raises SpecError, with the numbers and what would fit, where it cannot be."""
+    refuse_too_narrow(work_zone, road)
     closure = closure_of(work_zone, road)
     refuse_unlike(work_zone, closure)
     begin, stretches = stretches_of(work_zone, closure)

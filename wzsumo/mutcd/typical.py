@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from wzsumo.errors import SpecError
 from wzsumo.mutcd.closure import Closure
+from wzsumo.road import Road
 from wzsumo.work_zone import DeviceKind, WorkZone
 
 
@@ -81,8 +82,8 @@ _TYPICAL = {
 }
 
 
-def refuse_unlike(work_zone: WorkZone, closure: Closure) -> None:
-    """Raise SpecError where the zone is named after a typical application that it is not, or that its road has no lanes for."""
+def refuse_too_narrow(work_zone: WorkZone, road: Road) -> None:
+    """Raise SpecError where the zone is named after an unknown typical application, or one that the road has no lanes for."""
     name = work_zone.typical_application
     if name is None:
         return
@@ -91,12 +92,18 @@ def refuse_unlike(work_zone: WorkZone, closure: Closure) -> None:
         raise SpecError(
             f'typical_application="{name}": unknown; known ones: {", ".join(_TYPICAL)}; leave the key out for others'
         )
-    if closure.road.own_lanes < need.lanes:
+    if road.own_lanes < need.lanes:
         raise SpecError(
             f'typical_application="{name}" ({need.title}) needs {need.lanes} lanes in the direction of travel, the road has '
-            f"lane_count={closure.road.own_lanes}; add lanes or choose another application"
+            f"lane_count={road.own_lanes}; add lanes or choose another application"
         )
-    if not need.holds(work_zone, closure):
+
+
+def refuse_unlike(work_zone: WorkZone, closure: Closure) -> None:
+    """Raise SpecError where the zone is named after a typical application that it is not."""
+    name = work_zone.typical_application
+    if name is not None and not _TYPICAL[name].holds(work_zone, closure):
         raise SpecError(
-            f'typical_application="{name}" ({need.title}) is drawn with {need.rule}; change the zone or leave the key out'
+            f'typical_application="{name}" ({_TYPICAL[name].title}) is drawn with {_TYPICAL[name].rule}; change the zone or '
+            "leave the key out"
         )

@@ -163,9 +163,8 @@ FITTING_SECTIONS = frozenset({"road", "work_zone", "site", "simulation", "route"
 
 def misfits_of(scenario: Scenario) -> list[str]:
     """What does not fit together in a scenario: zone and road, start and goal, flow and lanes, traces collected and used."""
-    misfits = []
     crowd, demand, road = scenario.crowd, scenario.simulation.demand, scenario.road
-    checks: tuple[Callable[[], object], ...] = (
+    misfits = _refusals(scenario.layout) or _refusals(  # where there is no zone, nothing says who drives through it
         lambda: scenario.mapped_ground(scenario.layout()),
         lambda: check_departures(
             scenario.zone_simulation().demand,
@@ -174,11 +173,6 @@ def misfits_of(scenario: Scenario) -> list[str]:
             speed=mps_from_mph(scenario.work_zone.posted_speed_mph),
         ),
     )
-    for check in checks:
-        try:
-            check()
-        except SpecError as error:
-            misfits.append(str(error))
     if demand.warm_up_s >= demand.duration_s:
         misfits.append(
             f"simulation.demand.warm_up_s={demand.warm_up_s:g} must be shorter than duration_s={demand.duration_s:g}; flows "
@@ -197,3 +191,13 @@ def misfits_of(scenario: Scenario) -> list[str]:
 def _lane_pose(road: Road, station: float, lane: int) -> Pose:
     x, y = road.to_xy(station, road.lane_centre(lane))
     return float(x), float(y), float(road.heading_at(station))
+
+
+def _refusals(*checks: Callable[[], object]) -> list[str]:
+    found = []
+    for check in checks:
+        try:
+            check()
+        except SpecError as error:
+            found.append(str(error))
+    return found
