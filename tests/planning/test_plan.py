@@ -203,6 +203,16 @@ def test_unknown_cells_are_not_free():
     assert plan_path(grid_of(p), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=bold).status == "FOUND"
 
 
+def test_way_that_was_found_in_haste_is_looked_for_again_with_care():
+    grid, start, goal = work_zone_grid(resolution=0.25, kind="cones")
+    plans = [
+        plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec(max_expansions=n)) for n in (100_000, 20_000)
+    ]
+    # The careful search may take 1.5 % of the limit: enough of the first, too little of the second.
+    assert 300 < plans[0].n_expansions < 1500 < plans[1].n_expansions
+    np.testing.assert_array_equal(plans[1].path.poses, plans[0].path.poses)
+
+
 KERNELS = (
     distance_field._fill_distances,
     heuristic._spread_costs,

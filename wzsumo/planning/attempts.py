@@ -1,4 +1,7 @@
-"""The order of searches: careful, hasty, finer, and at last for lower speeds, which bend more sharply."""
+"""The order of searches: careful, hasty, finer, and at last for lower speeds, which bend more sharply.
+
+A way that was found in haste may wander within what the heuristic's weight allows: it is looked for again with care.
+"""
 
 import math
 from collections.abc import Iterator
@@ -12,6 +15,7 @@ from wzsumo.planning.planning_field import PlanningField
 # Fineness of the lattice, factor on the heuristic's weight, share of max_expansions used up by then. In a corridor the careful
 # search comes through in some hundred expansions with the better path; among cones, where many ways are alike, it wanders.
 _AT_PLANNED_SPEED = ((1, 1.0, 0.015), (1, 1.7, 0.4), (2, 1.7, 0.7))
+_AGAIN = 0.1  # share of max_expansions, for the careful search after a hasty one that found a way
 _SLOWER = math.sqrt(0.5)  # each time: half the lateral acceleration, so twice the curvature
 
 
@@ -48,6 +52,10 @@ def search_in_turn(field: PlanningField, *, start: FloatArray, goal: FloatArray)
         weight = attempt.haste * spec.heuristic_weight
         outcome, n, segments = search(terrain, field.cost_to_go, field.body, lattice, start, goal, weight, limit)
         n_expansions += n
+        limit = min(int(_AGAIN * spec.max_expansions), spec.max_expansions - n_expansions)
+        if outcome == FOUND and attempt.haste > 1 and limit > 0:
+            again, n, better = search(terrain, field.cost_to_go, field.body, lattice, start, goal, spec.heuristic_weight, limit)
+            n_expansions, segments = n_expansions + n, better if again == FOUND else segments
         if outcome == FOUND or n_expansions >= spec.max_expansions:
             break
         if outcome == EXHAUSTED:
