@@ -19,3 +19,9 @@ def test_shift_as_long_as_a_shifting_taper_is_found_on_a_bend(size):
 def test_move_far_longer_than_a_shifting_taper_is_the_roads_own():
     course = 2.0 * np.clip((STATIONS - 300) / 240, 0, 1)  # four times 60 m
     assert find_shifts(STATIONS, course, speed_mps=SPEED_MPS) == []
+
+
+def test_line_that_winds_all_along_has_no_shifts_of_a_work_zone():
+    # What a line with knots every 300 m leaves of turns of 400 m radius, 450 m apart: 2 m to either side.
+    stations = np.arange(0.0, 1500.0, 10.0)
+    assert find_shifts(stations, 2.2 * np.sin(2 * np.pi * stations / 360.0), speed_mps=24.0) == []

@@ -10,6 +10,7 @@ from wzsumo.frames import FloatArray
 RAMP_LENGTHS_M = np.arange(40.0, 261.0, 20.0)  # L/2 of MUTCD 11th ed., Table 6B-3: 3 ft at 45 mph to 14 ft at 75 mph
 WINDOW_M = 150.0  # beside the ramp, where the road itself is taken for a cubic
 LEAST_SHIFT_M, MOST_SHIFT_M = 0.6, 5.0  # a lane's width and some more
+MOST_SHIFTS = 4  # of one zone: away from the work and back, each in two steps at most
 LEAST_GAIN = 0.7  # share of the squares that the cubic leaves and the ramp explains
 MOST_OFF = 1.7  # factor between a ramp's length and the manual's for its size: zones are set out by pacing, ends are blurred
 
@@ -27,6 +28,7 @@ def find_shifts(stations: FloatArray, course: FloatArray, *, speed_mps: float) -
     """Shifts of a course (n,) [m] at equally spaced stations (n,) [m], in order along it; none overlap.
 
     A shift is about as long as a shifting taper for its size at the zone's speed, L/2: what is far longer is the road's own.
+    So are shifts without end.
     """
     found: list[tuple[float, Shift]] = []
     for length in RAMP_LENGTHS_M:
@@ -53,7 +55,8 @@ def find_shifts(stations: FloatArray, course: FloatArray, *, speed_mps: float) -
     for _, shift in found:
         if all(shift.end < other.start + 10 or shift.start > other.end - 10 for other in kept):
             kept.append(shift)
-    return sorted(kept, key=lambda shift: shift.start)
+    # A winding road leaves as many ramps as it has turns, where its line was found from traces and cuts them.
+    return sorted(kept, key=lambda shift: shift.start) if len(kept) <= MOST_SHIFTS else []
 
 
 def _ramp_beside_cubic(s: FloatArray, length: float) -> tuple[FloatArray, FloatArray]:
