@@ -13,6 +13,7 @@ from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels, refres
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec, TraceBasis
 from wzsumo.crowd_mapping.lane_use import fit_lane_use
 from wzsumo.crowd_mapping.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close, with_level_ends
+from wzsumo.crowd_mapping.odd_traces import BETWEEN_LANES, between_lanes
 from wzsumo.crowd_mapping.path_fit import fit_common_path
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.station_table import StationTable, tabulate
@@ -39,7 +40,11 @@ def fit_lane_structure(
     axis = before.road if before else nominal or reference_line_from_traces(checked)
     table = tabulate(checked, axis)
     weights = np.ones(len(table.offsets))
-    path = _path(table, weights, turning_of(axis, table.stations), spec=spec, before=before)
+    turning = turning_of(axis, table.stations)
+    path = _path(table, weights, turning, spec=spec, before=before)
+    if (odd := between_lanes(path, table.offsets, width=_width(spec, before)[0])).any():
+        table, weights = table.without(odd, reason=BETWEEN_LANES), weights[~odd]
+        path = _path(table, weights, turning, spec=spec, before=before)
     basis = TraceBasis(
         spec=spec, axis=axis, before=before, table=table, weights=weights, speed_mps=_speed(checked, spec), path=path
     )
@@ -65,6 +70,11 @@ def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneSt
     known = model.path
     added, _ = lanes_along(known.course, new.offsets, width=width, sizes=known.sizes, turning=known.turning)
     path = extend(known, table.offsets, np.vstack([known.lanes[alive], added]), width=width, weights=weights)
+    odd = between_lanes(path, table.offsets, width=width)
+    odd[: alive.sum()] = False  # they have been looked at
+    if odd.any():
+        table, weights = table.without(odd, reason=BETWEEN_LANES), weights[~odd]
+        path = replace(path, lanes=path.lanes[~odd], levels=path.levels[~odd])
     basis = replace(_basis_of(model), table=table, weights=weights, path=path)
     likely = [(one.chance, refresh(one.levels, path, weights=weights)) for one in (model, *model.alternatives)]
     return _of_likeliest(basis, likely, shifts=model.shifts)

@@ -1,12 +1,13 @@
 """StationTable: lateral offsets of traces at common stations, and which traces could not be used."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
+from wzsumo.grid import BoolArray
 from wzsumo.road import Road
 
 STATION_SPACING_M = 10.0  # a lane change takes 50 m and more, a kink is found to about half of this
@@ -26,6 +27,13 @@ class StationTable:
     offsets: FloatArray
     vehicle_ids: tuple[str, ...]
     dropped: pd.DataFrame
+
+    def without(self, odd: BoolArray, *, reason: str) -> "StationTable":
+        """The table without some of its traces (n,), which are named among the dropped ones."""
+        ids = np.array(self.vehicle_ids, dtype=object)
+        named = pd.DataFrame({"vehicle_id": ids[odd], "reason": reason})
+        dropped = pd.concat([self.dropped, named], ignore_index=True)
+        return replace(self, offsets=self.offsets[~odd], vehicle_ids=tuple(ids[~odd]), dropped=dropped)
 
 
 def tabulate(traces: pd.DataFrame, axis: Road, *, stations: FloatArray | None = None) -> StationTable:
