@@ -1,13 +1,10 @@
-import subprocess
-
-import pandas as pd
 import pytest
 from builders import paper_layout, paper_work_zone
+from sumo_runs import driven
 
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.road import RoadSpec
 from wzsumo.simulation.edges import edges_of
-from wzsumo.simulation.installation import sumo_binary
 from wzsumo.simulation.network import write_network
 
 HALF_OVER_M = 1.6  # from the middle of the open lane: a car 1.85 m wide then reaches 0.7 m over the line
@@ -21,18 +18,13 @@ def traces_of_two(layout, folder, *, side):
     length = last_with.end - last_with.start
     edge_ids = " ".join(edge.id for edge in edges[first_without - 1 :])
     at = 'type="car" route="on" depart="0" insertionChecks="none" departLane="1"'
-    (folder / "two.rou.xml").write_text(
-        f'<routes><vType id="car" length="4.8" width="1.85"/><route id="on" edges="{edge_ids}"/>'
+    rows = driven(
+        net,
+        f'<vType id="car" length="4.8" width="1.85"/><route id="on" edges="{edge_ids}"/>'
         f'<vehicle id="merging" {at} departPos="{length - 0.1:.2f}" departPosLat="{side * HALF_OVER_M}" departSpeed="0.5"/>'
-        f'<vehicle id="beside" {at} departPos="{length - 1.5:.2f}" departSpeed="0"/></routes>'
+        f'<vehicle id="beside" {at} departPos="{length - 1.5:.2f}" departSpeed="0"/>',
+        folder,
     )
-    options = (
-        "--step-length 0.1 --lateral-resolution 0.45 --end 30 --xml-validation never --collision.action none --no-step-log"
-    )
-    files = ("-n", str(net), "-r", str(folder / "two.rou.xml"), "--fcd-output", str(folder / "fcd.csv"))
-    subprocess.run([str(sumo_binary("sumo")), *files, *options.split()], check=True, capture_output=True)
-    rows = pd.read_csv(folder / "fcd.csv", sep=";")
-    rows.columns = [name.split("_", 1)[1] for name in rows.columns]
     return rows[rows["id"] == "merging"], rows[rows["id"] == "beside"]
 
 

@@ -1,4 +1,3 @@
-import subprocess
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -6,12 +5,12 @@ import pandas as pd
 import pytest
 import shapely
 from builders import paper_layout, paper_road, paper_work_zone, vehicle_outlines
+from sumo_runs import driven
 
 from wzsumo.frames import advance, heading_from_sumo_angle
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import KEEPS_TO_A_LANE, DemandSpec, write_demand
 from wzsumo.simulation.edges import edges_of
-from wzsumo.simulation.installation import sumo_binary
 from wzsumo.simulation.network import NOBODY, write_network
 
 HALF_OVER_M = 1.5  # from the middle of his lane: a car 1.85 m wide then reaches 0.6 m over the line
@@ -40,18 +39,13 @@ def traces_of_one_half_over(folder, *, lane, others):
         f'<vehicle id="other_{n}" {at} departPos="{position + gap:.2f}" departPosLat="{-0.5 * towards}"/>'
         for n, gap in enumerate(others)
     )
-    (folder / "half.rou.xml").write_text(
-        f'<routes><vType id="car" length="4.8" width="1.85" speedFactor="1" sigma="0" {habits}/>'
+    rows = driven(
+        net,
+        f'<vType id="car" length="4.8" width="1.85" speedFactor="1" sigma="0" {habits}/>'
         f'<route id="on" edges="{" ".join(edge.id for edge in edges[first:])}"/>'
-        f'<vehicle id="half" {at} departPos="{position:.2f}" departPosLat="{HALF_OVER_M * towards}"/>{beside}</routes>'
+        f'<vehicle id="half" {at} departPos="{position:.2f}" departPosLat="{HALF_OVER_M * towards}"/>{beside}',
+        folder,
     )
-    options = (
-        "--step-length 0.1 --lateral-resolution 0.45 --end 30 --xml-validation never --collision.action none --no-step-log"
-    )
-    files = ("-n", str(net), "-r", str(folder / "half.rou.xml"), "--fcd-output", str(folder / "fcd.csv"))
-    subprocess.run([str(sumo_binary("sumo")), *files, *options.split()], check=True, capture_output=True)
-    rows = pd.read_csv(folder / "fcd.csv", sep=";")
-    rows.columns = [name.split("_", 1)[1] for name in rows.columns]
     return rows[rows["id"] == "half"]
 
 

@@ -11,7 +11,7 @@ from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
 from wzsumo.simulation.session import EGO_ID, Intrusion, running
-from wzsumo.study.lane_intrusion import intrusions, seen_width
+from wzsumo.study.lane_intrusion import seen_by_others
 from wzsumo.vehicle import VehicleGeometry
 
 LAYOUT = paper_layout(start_ft=3800, work_length_ft=100, closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None)
@@ -36,8 +36,8 @@ def drive(session, files, *, y, x=250.0, speed=10.0, duration_s=5.0, step_s=0.05
     traffic = session.traffic()
     for step in range(1, int(duration_s / step_s) + 1):
         state = EgoState(x=x + speed * step_s * step, y=y, heading=0.0, speed=speed)
-        seen = intrusions(state, CAR, traffic, road=LAYOUT.road, edges=files.edges) if shown else ()
-        session.place_ego(state, CAR, intrusions=seen)
+        seen = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+        session.place_ego(state, CAR, intrusions=seen.intrusions if shown else ())
         session.step()
         traffic = session.traffic()
         yield state, traffic
@@ -159,9 +159,8 @@ def who_touches_an_ego_that_stands_askew(files, *, wide):
             speed = max(speed - 0.1, 0.0)
             x += 0.05 * speed
             state = EgoState(x=x, y=1.5 * LANE + 0.7, heading=0.12, speed=speed)
-            width = seen_width(state, CAR, road=LAYOUT.road) if wide else None
-            seen = intrusions(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
-            session.place_ego(state, CAR, width=width, intrusions=seen)
+            seen = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+            session.place_ego(state, CAR, width=seen.width if wide else None, intrusions=seen.intrusions)
             session.step()
             traffic = session.traffic()
             sizes = np.column_stack([traffic.lengths, traffic.widths])

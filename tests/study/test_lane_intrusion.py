@@ -5,7 +5,7 @@ from builders import paper_layout
 from wzsumo.ego import EgoState
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.traffic import Traffic
-from wzsumo.study.lane_intrusion import intrusions, seen_width
+from wzsumo.study.lane_intrusion import Seen, seen_by_others
 from wzsumo.vehicle import VehicleGeometry
 
 LAYOUT = paper_layout()
@@ -15,8 +15,13 @@ NOBODY = Traffic(ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), lengths=np.
 LANE = 12 * 0.3048
 
 
+def seen(y, *, heading=0.0, traffic=NOBODY) -> Seen:
+    state = EgoState(x=100.0, y=y, heading=heading, speed=10.0)
+    return seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=EDGES)
+
+
 def seen_at(y, traffic=NOBODY):
-    return intrusions(EgoState(x=100.0, y=y, heading=0.0, speed=10.0), CAR, traffic, road=LAYOUT.road, edges=EDGES)
+    return seen(y, traffic=traffic).intrusions
 
 
 def test_ego_in_the_middle_of_its_lane_reaches_into_no_other():
@@ -64,21 +69,19 @@ def test_ego_is_not_shown_in_a_lane_while_somebody_there_is_beside_it(ahead_m, l
 
 def test_turned_ego_reaches_over_with_its_corner():
     y = 1.5 * LANE
-    assert intrusions(EgoState(x=100.0, y=y, heading=0.0, speed=5.0), CAR, NOBODY, road=LAYOUT.road, edges=EDGES) == ()
-    turned = intrusions(EgoState(x=100.0, y=y, heading=np.deg2rad(20), speed=5.0), CAR, NOBODY, road=LAYOUT.road, edges=EDGES)
+    assert seen_at(y) == ()
+    turned = seen(y, heading=np.deg2rad(20)).intrusions
     # Front left corner: 3.72 sin 20 + 0.93 cos 20 = 2.15 m to the left of the axle, the line is 1.83 m off.
     assert [part.lane for part in turned] == [2]
     assert turned[0].width == pytest.approx(2.146 - LANE / 2 + 0.3, abs=0.002)
 
 
 def test_ego_along_its_lane_is_seen_as_wide_as_it_is_with_its_clearance():
-    straight = EgoState(x=100.0, y=LANE / 2, heading=0.0, speed=5.0)
-    assert seen_width(straight, CAR, road=LAYOUT.road) == pytest.approx(CAR.width_m + 2 * 0.3)
+    assert seen(LANE / 2).width == pytest.approx(CAR.width_m + 2 * 0.3)
 
 
 @pytest.mark.parametrize("turned", [0.12, -0.12])
 def test_turned_ego_is_seen_wide_enough_for_its_rear_corner(turned):
-    askew = EgoState(x=100.0, y=LANE / 2, heading=turned, speed=0.0)
     # From the middle of the front to the rear corner: L sin + w/2 cos across the lane.
     across = CAR.length_m * np.sin(0.12) + CAR.width_m / 2 * np.cos(0.12)
-    assert seen_width(askew, CAR, road=LAYOUT.road) == pytest.approx(2 * (across + 0.3))
+    assert seen(LANE / 2, heading=turned).width == pytest.approx(2 * (across + 0.3))

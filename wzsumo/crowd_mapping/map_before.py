@@ -22,9 +22,7 @@ RAMP_LENGTHS_M = np.arange(20.0, 201.0, 20.0)  # of a whole lane's move: from a 
 LEAST_STATIONS = 2  # outside the zone, without which nothing is anchored
 # Of MUTCD's six drawings of stationary work on a freeway (11th ed., TA-33 to TA-39 without 35) one, TA-36, closes no lane.
 ALL_OPEN = 0.2
-TOWARDS_CLOSED = (
-    0.05  # that lanes shift first to the side where one is closed, not away from the work, as ibid., TA-36: a guess
-)
+TOWARDS_CLOSED = 0.05  # that lanes shift first to the side where one is closed, not away from the work as in TA-36: a guess
 BOTH_SIDES = 0.05  # that lanes close on both sides of the open ones: none of those drawings has it
 SHY_SD_M = 0.05  # drivers as a whole keep to the middle of lanes beside devices as exactly as before them: a guess
 

@@ -18,7 +18,7 @@ from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.session import Session, running
 from wzsumo.simulation.traffic import Traffic, traffic_trace
 from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait
-from wzsumo.study.lane_intrusion import intrusions, seen_width
+from wzsumo.study.lane_intrusion import seen_by_others
 from wzsumo.study.replanning import Course, NewMap
 from wzsumo.study.stop_line import stop_line_ahead
 from wzsumo.study.surroundings import Surroundings
@@ -87,9 +87,8 @@ def drive_path(
             command = course.controller.command(state, dt=STEP_S, leader=leader, stop_in_m=stop_in_m)
             record.rows.append(_log_row(session.time, state, command, course.controller))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
-            over_lines = intrusions(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
-            width = seen_width(state, drive.vehicle, road=layout.road)
-            session.place_ego(state, drive.vehicle, width=width, intrusions=over_lines)
+            seen = seen_by_others(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
+            session.place_ego(state, drive.vehicle, width=seen.width, intrusions=seen.intrusions)
             session.step()
             on_step(course.controller.station_m)
             traffic = session.traffic()

@@ -1,5 +1,7 @@
 """What the other drivers are shown of the ego: its width in the lane that SUMO counts it to, and what reaches into others."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wzsumo.ego import EgoState
@@ -16,20 +18,19 @@ BLOCKING_REACH_M = 0.5  # who reaches farther into a lane takes all of it: SUMO'
 TIE_M = 0.1  # so near the line between two lanes nobody knows to which one SUMO counts the ego: it is shown in both
 
 
-def seen_width(state: EgoState, vehicle: VehicleGeometry, *, road: Road) -> float:
-    """Width [m] of the ego in its own lane: SUMO lays it along the lane, its front in the middle, however it is turned.
+class Seen(NamedTuple):
+    """What drivers see of the ego: its width [m] in its own lane, and what reaches into others, each with its clearance.
 
-    So wide its outline lies within it, with SIDE_CLEARANCE_M beside it. With the width of the car alone drivers who creep
-    around an ego that waits askew between two lanes run into its rear corner.
+    SUMO lays the ego along its lane, its front in the middle, however it is turned: it is so wide that its outline lies within.
+    With the width of the car alone drivers who creep around an ego that waits askew between two lanes run into its rear corner.
     """
-    _, offsets = road.to_sd(np.vstack([advance(state.pose, vehicle.axle_to_bumper_m)[:2], vehicle.outline(state.pose)]))
-    return 2 * (float(np.abs(offsets[1:] - offsets[0]).max()) + SIDE_CLEARANCE_M)
+
+    width: float
+    intrusions: tuple[Intrusion, ...]
 
 
-def intrusions(
-    state: EgoState, vehicle: VehicleGeometry, traffic: Traffic, *, road: Road, edges: tuple[Edge, ...]
-) -> tuple[Intrusion, ...]:
-    """What other drivers must see of the ego in lanes next to its own, each with SIDE_CLEARANCE_M beside it.
+def seen_by_others(state: EgoState, vehicle: VehicleGeometry, traffic: Traffic, *, road: Road, edges: tuple[Edge, ...]) -> Seen:
+    """What other drivers must see of the ego in its own lane and in those next to it, with SIDE_CLEARANCE_M beside it.
 
     A lane where somebody is beside the ego is left out: shown to that driver it would be a leader whom he has run into, and he
     would stop there for good. He drives on; who follows him sees the ego afterwards.
@@ -51,7 +52,8 @@ def intrusions(
         if ((theirs > right) & (theirs < left)).any():
             continue
         found.append(_stand_in(edge.through[index].index, _taken(right, left, lowest, highest), station, state, road))
-    return tuple(found)
+    reach = max(highest - across, across - lowest)
+    return Seen(width=2 * (float(reach) + SIDE_CLEARANCE_M), intrusions=tuple(found))
 
 
 def _taken(right: float, left: float, lowest: float, highest: float) -> tuple[float, float]:

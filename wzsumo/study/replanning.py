@@ -30,10 +30,13 @@ class Course:
     """The path that the ego follows, with the controller on it and what the path asks for at each step."""
 
     def __init__(self, path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry, control: ControlSpec) -> None:
-        self.path = path
-        self.controller = Controller(path, vehicle, control)
-        self.route, self._speeds = route_along(path, layout=layout, vehicle=vehicle), self.controller.speeds_at(path.arc_length)
         self._layout, self._vehicle, self._control = layout, vehicle, control
+        self.controller = Controller(path, vehicle, control)
+        self._take(path)
+
+    def _take(self, path: ReferencePath) -> None:
+        self.path, self.route = path, route_along(path, layout=self._layout, vehicle=self._vehicle)
+        self._speeds = self.controller.speeds_at(path.arc_length)
 
     def way(self, state: EgoState) -> Way:
         """How the ego would go on from `state` if nobody hindered it."""
@@ -51,10 +54,9 @@ class Course:
         plan = new_map.plan((x, y, heading))
         if plan.path is not None:
             # The way so far stays part of the path: stations along it go on counting from where the ego set out.
-            self.path = ReferencePath(poses=np.concatenate([self.path.poses[:joint], plan.path.poses]))
-            self.controller.follow(self.path)
-            self.route = route_along(self.path, layout=self._layout, vehicle=self._vehicle)
-            self._speeds = self.controller.speeds_at(self.path.arc_length)
+            path = ReferencePath(poses=np.concatenate([self.path.poses[:joint], plan.path.poses]))
+            self.controller.follow(path)
+            self._take(path)
         return Replan(
             time_s=time, station_m=float(stations[joint]), status=str(plan.status), reason=plan.reason,
             plan_ms=plan.timings_ms["total"],
