@@ -1,5 +1,7 @@
 """What SUMO does with an ego that moveToXY places: one test for each way in which it goes wrong if it is done naively."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from builders import bent_road, paper_layout, paper_work_zone
@@ -10,7 +12,7 @@ from wzsumo.metrics.conflicts import boxes_overlap
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
-from wzsumo.simulation.session import EGO_ID, Intrusion, running
+from wzsumo.simulation.session import EGO_ID, SIDE_CLEARANCE_M, Part, running
 from wzsumo.study.lane_intrusion import seen_by_others
 from wzsumo.vehicle import VehicleGeometry
 
@@ -36,8 +38,8 @@ def drive(session, files, *, y, x=250.0, speed=10.0, duration_s=5.0, step_s=0.05
     traffic = session.traffic()
     for step in range(1, int(duration_s / step_s) + 1):
         state = EgoState(x=x + speed * step_s * step, y=y, heading=0.0, speed=speed)
-        seen = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
-        session.place_ego(state, CAR, intrusions=seen.intrusions if shown else ())
+        parts = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+        session.place_ego(parts if shown else parts[:1], speed=speed)
         session.step()
         traffic = session.traffic()
         yield state, traffic
@@ -47,18 +49,11 @@ def sumo_bumper(session):
     return np.array(session._sumo.vehicle.getPosition(EGO_ID))
 
 
-@pytest.mark.parametrize("y", [1.5 * LANE, 1.5 * LANE + 0.9, LANE], ids=["lane centre", "beside it", "on the line"])
-def test_front_bumper_is_exactly_where_it_was_put_and_not_snapped_to_a_lane(files, y):
+@pytest.mark.parametrize(("y", "shown_at"), [(1.5 * LANE, 1.5 * LANE), (1.5 * LANE + 0.25, 1.5 * LANE + 0.25), (-1.6, 0.35)])
+def test_body_is_exactly_where_it_was_put_and_not_snapped_to_the_middle_of_its_lane(files, y, shown_at):
     with running(files.config, options=FINE) as session:
         for state, _ in drive(session, files, y=y, duration_s=1.0):
-            assert sumo_bumper(session) == pytest.approx(advance(state.pose, CAR.axle_to_bumper_m)[:2], abs=1e-3)
-
-
-def test_ego_on_the_shoulder_does_not_vanish(files):
-    with running(files.config, options=FINE) as session:
-        for _ in drive(session, files, y=-1.6, duration_s=1.0):
-            assert session.has_ego()
-        assert sumo_bumper(session)[1] == pytest.approx(-1.6, abs=1e-3)
+            assert sumo_bumper(session) == pytest.approx([state.x + CAR.axle_to_bumper_m, shown_at], abs=1e-3)
 
 
 def test_speed_that_sumo_sees_has_no_spikes(files):
@@ -92,16 +87,17 @@ def test_ego_on_the_outer_side_of_a_kink_between_two_edges_is_counted_to_the_lan
         session.take_over_ego()
         kinks = list(outer_sides_of_kinks(session._sumo.lane, bent.edges, aside_m=0.7))
         assert len(kinks) >= 8
-        for lanes, bumper in kinks:
-            for before_m in (0.5, 0.0):
-                x, y, heading = advance(bumper, -before_m - CAR.axle_to_bumper_m)
-                session.place_ego(EgoState(x=x, y=y, heading=heading, speed=10.0), CAR)
+        for (before, across, after), front in kinks:
+            for behind_m in (0.5, 0.0):
+                edge, index = before.rsplit("_", maxsplit=1)
+                part = Part(lane=0, edge=edge, index=int(index), front=advance(front, -behind_m), width=1.0)
+                session.place_ego((part,), speed=10.0)
                 session.step()
-            assert session._sumo.vehicle.getLaneID(EGO_ID) in lanes
+            assert session._sumo.vehicle.getLaneID(EGO_ID) in (before, across, after)
 
 
 def outer_sides_of_kinks(lane_api, edges, *, aside_m):
-    """Of each lane that bends where its edge ends: the lanes that meet there, and a pose in the wedge that none runs past."""
+    """Of each lane that bends where its edge ends: those that meet there, and a pose in the wedge that none runs past."""
     for edge in edges[:-1]:
         for lane in [f"{edge.id}_{index}" for index in range(len(edge.lanes))]:
             for following, *_, across_the_node, _, _, _ in lane_api.getLinks(lane):
@@ -112,7 +108,7 @@ def outer_sides_of_kinks(lane_api, edges, *, aside_m):
                     heading = (before + after) / 2
                     outwards = heading - np.sign(after - before) * np.pi / 2
                     aside = aside_m * np.array([np.cos(outwards), np.sin(outwards)])
-                    yield {lane, across_the_node, following}, np.array([*(ends[-1] + aside), heading])
+                    yield (lane, across_the_node, following), np.array([*(ends[-1] + aside), heading])
 
 
 def passers_through(files, *, shown):
@@ -144,7 +140,7 @@ def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(
     assert overlapped == 0
 
 
-def who_touches_an_ego_that_stands_askew(files, *, wide):
+def who_touches_an_ego_that_stands_askew(files, *, as_it_lies):
     """Ids of those whose outline overlaps an ego that has stopped 0.7 m beside the middle of its lane, turned by 7 degrees."""
     x, speed, touching = 250.0, 10.0, set()
     with running(files.config, options=FINE) as session:
@@ -159,8 +155,11 @@ def who_touches_an_ego_that_stands_askew(files, *, wide):
             speed = max(speed - 0.1, 0.0)
             x += 0.05 * speed
             state = EgoState(x=x, y=1.5 * LANE + 0.7, heading=0.12, speed=speed)
-            seen = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
-            session.place_ego(state, CAR, width=seen.width if wide else None, intrusions=seen.intrusions)
+            own, *others = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+            if not as_it_lies:
+                front = advance(state.pose, CAR.axle_to_bumper_m)
+                own = replace(own, front=front, width=CAR.width_m + 2 * SIDE_CLEARANCE_M)
+            session.place_ego((own, *others), speed=speed)
             session.step()
             traffic = session.traffic()
             sizes = np.column_stack([traffic.lengths, traffic.widths])
@@ -170,26 +169,98 @@ def who_touches_an_ego_that_stands_askew(files, *, wide):
     return touching
 
 
-def test_drivers_creep_into_the_corner_of_an_ego_that_stands_askew_unless_it_is_shown_as_wide_as_it_lies(files):
-    assert who_touches_an_ego_that_stands_askew(files, wide=False)  # the trap: SUMO lays it along the lane
-    assert not who_touches_an_ego_that_stands_askew(files, wide=True)
+def test_drivers_creep_into_the_corner_of_an_ego_that_stands_askew_unless_it_is_shown_as_it_lies(tmp_path):
+    spec = SimulationSpec(demand=DemandSpec(flow_vph=1800, duration_s=200, truck_share=0.1))
+    files = write_sumo_files(LAYOUT, tmp_path, spec=spec, seed=4)
+    assert who_touches_an_ego_that_stands_askew(files, as_it_lies=False)  # the trap: SUMO lays it along the lane
+    assert not who_touches_an_ego_that_stands_askew(files, as_it_lies=True)
 
 
-def test_stand_in_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(files, capfd):
+def bodies(session):
+    """(name, lane, lateral position in it, width, the lane's width) of what SUMO holds of the ego on the road."""
+    api, lane_api = session._sumo.vehicle, session._sumo.lane
+    for name in api.getIDList():
+        if name.startswith(EGO_ID):
+            lane = api.getLaneID(name)
+            yield name, lane, api.getLateralLanePosition(name), api.getWidth(name), lane_api.getWidth(lane) if lane else 0.0
+
+
+def test_body_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(files, capfd):
     # Drivers keep whom they saw beside them until they act again: SUMO 1.28 crashed over stand-ins that had been removed, at
     # once or later, and over those that lay beside the road.
     with running(files.config, options=FINE) as session:
-        api, stand_in = session._sumo.vehicle, f"{EGO_ID}.1"
-        *_, (state, _) = drive(session, files, y=LANE, duration_s=0.5)
-        assert api.getLaneID(stand_in) != api.getLaneID(EGO_ID)
+        api = session._sumo.vehicle
+        *_, (state, traffic) = drive(session, files, y=LANE, duration_s=0.5)
+        both = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+        known = {name for name, *_ in bodies(session)}
+        assert len({lane for _, lane, *_ in bodies(session)}) == len(known) == 2
         for _ in range(45):
-            session.place_ego(state, CAR)
+            session.place_ego(both[:1], speed=state.speed)
             session.step()
-            assert api.getLaneID(stand_in) == api.getLaneID(EGO_ID)
-            assert np.hypot(*np.subtract(api.getPosition(stand_in), api.getPosition(EGO_ID))) < 0.2
-        known, front = api.getIDList(), advance(state.pose, CAR.axle_to_bumper_m)
-        session.place_ego(state, CAR, intrusions=(Intrusion(lane=0, front=front - [0.0, 1.0, 0.0], width=0.5),))
-        session.step()
-        assert {name for name in api.getIDList() if name.startswith(EGO_ID)} <= set(known)
-        assert sum(api.getLaneID(name) != api.getLaneID(EGO_ID) for name in known if name.startswith(EGO_ID)) == 1
+        assert {lane for _, lane, *_ in bodies(session)} == {f"{both[0].edge}_{both[0].index}"}
+        assert {api.getPosition(name) for name in known} == {api.getPosition(EGO_ID)}
+        assert min(width for *_, width, _ in bodies(session)) == pytest.approx(0.1)
+        for _ in range(2):
+            session.place_ego(both, speed=state.speed)
+            session.step()
+        assert {name for name, *_ in bodies(session)} == known
+        assert len({lane for _, lane, *_ in bodies(session)}) == 2
     assert "implied speed" not in capfd.readouterr().err
+
+
+def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path):
+    # Nearest to it is the middle of what is left of the closing lane, 0.1 m wide in SUMO: of that it would be off the road.
+    layout = paper_layout()
+    spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
+    closing = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
+    edge = next(edge for edge in closing.edges if len(edge.through) < len(edge.lanes))
+    open_lane = edge.through[-1]
+    station = (edge.start + edge.end) / 2
+    line = float(open_lane.left(station))
+    with running(closing.config, options=FINE) as session:
+        session.request_ego(CAR, edge=closing.edges[0].id, lane=0, position=20.0, speed=10.0)
+        while not session.has_ego():
+            session.step()
+        session.take_over_ego()
+        front = np.array([station, line - 0.35, 0.0])
+        index = edge.lanes.index(open_lane)
+        for _ in range(2):
+            session.place_ego((Part(lane=open_lane.index, edge=edge.id, index=index, front=front, width=0.1),), speed=0.0)
+            session.step()
+        assert session._sumo.vehicle.getLaneID(EGO_ID) == f"{edge.id}_{index}"
+
+
+def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reaches_into_a_second_lane(tmp_path):
+    # Of such bodies SUMO 1.28 keeps a list of lanes, old after a body has lost its place, over which it has crashed.
+    layout = lay_out(paper_work_zone(), bent_road(984.3))
+    spec = SimulationSpec(demand=DemandSpec(flow_vph=3000, duration_s=120))
+    bent = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
+    start, end = (
+        next(edge for edge in bent.edges if edge.id.endswith(name)).start for name in ("merging_taper", "activity_area")
+    )
+    speed, lanes = 20.0, set()
+    with running(bent.config, options=FINE) as session:
+        while session.time < 40:
+            session.step()
+        session.request_ego(CAR, edge=bent.edges[0].id, lane=2, position=start - 150.0, speed=speed)
+        while not session.has_ego():
+            session.step()
+        session.take_over_ego()
+        known = {EGO_ID}
+        for station in np.arange(start - 150.0, end, 0.05 * speed):
+            share = np.clip((station - (start - 100.0)) / 200.0, 0.0, 1.0)  # slowly over two lanes and back over one
+            offset = LANE * (2.5 - 2 * share + np.clip((station - start - 150.0) / 60.0, 0.0, 1.0))
+            x, y = layout.road.to_xy(station, offset)
+            state = EgoState(x=x, y=y, heading=float(layout.road.heading_at(station)), speed=speed)
+            session.place_ego(seen_by_others(state, CAR, session.traffic(), road=layout.road, edges=bent.edges), speed=speed)
+            for name, lane, aside, width, lane_width in bodies(session):  # as SUMO holds them while it steps
+                assert lane or name not in known
+                assert not lane or abs(aside) + width / 2 <= lane_width / 2 + 1e-6
+            session.step()
+            for name, lane, aside, width, lane_width in bodies(session):
+                assert lane
+                assert abs(aside) + width / 2 <= lane_width / 2 + 1e-6
+                known.add(name)
+                lanes.add(lane)
+    assert len(lanes) > 10
+    assert len(known) >= 2

@@ -1,7 +1,7 @@
 """One running SUMO simulation.
 
 libsumo allows one simulation a process. Points leave this module as vehicle CENTRES and headings; the ego is placed by the
-pose of its REAR AXLE.
+middle of its FRONT edge in each lane.
 """
 
 from collections.abc import Collection, Iterator
@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle, sumo_angle_from_heading
 from wzsumo.simulation.connection import connected_library, connected_window, follow_in_window
 from wzsumo.simulation.gridlock import Gridlock
@@ -24,21 +23,21 @@ EGO_ID = "ego"
 EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for cars
 # Drivers keep it beside the ego, which is that much wider in SUMO: they keep none to a vehicle that moveToXY placed.
 SIDE_CLEARANCE_M = 0.3
-# keepRoute of moveToXY (SUMO docs, TraCI): exactly where it is told, also beside the lanes (2), counted to the nearest lane of
-# its route (1). Without the 1 SUMO wants a lane that runs past the point. On the outer side of a kink between two edges none
-# does: the ego is then counted to no lane or to a wrong one, and SUMO 1.28 has crashed in the step after.
+# keepRoute of moveToXY (SUMO docs, TraCI): exactly where it is told (2), counted to a lane of its route (1). Without the 1 SUMO
+# wants a lane that runs past the point. On the outer side of a kink between two edges none does: the body is then counted to no
+# lane or to a wrong one, and SUMO 1.28 has crashed in the step after.
 _PLACEMENT = 2 | 1
-_MATCH_RADIUS_M = 100.0  # how far off a lane the ego may be put
-# How far behind the ego's front a stand-in rides inside it, and how wide it is there: where it reached into no lane, as on a
-# line between two, SUMO would take it off the road.
-_INSIDE_M, _INSIDE_WIDTH_M = 0.1, 1.0
+_MATCH_RADIUS_M = 100.0  # how far off a lane a body may be put
+_SPARE_WIDTH_M = 0.1  # of a body that nobody needs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Intrusion:
-    """The part of the ego that is in a lane which SUMO does not count it to."""
+class Part:
+    """What drivers in one lane are shown of the ego: a body that lies within that lane."""
 
     lane: int  # of the road, 0 = rightmost
+    edge: str  # SUMO's, on which the body's front lies
+    index: int  # of the lane on that edge
     front: FloatArray  # (3,) pose of the middle of its front edge
     width: float  # m
 
@@ -49,9 +48,9 @@ class Session:
     def __init__(self, api: Any) -> None:
         self._sumo = api
         self._sizes: dict[str, tuple[float, float]] = {}
-        self._stand_ins: dict[int, str] = {}
-        self._inside: list[str] = []  # stand-ins that nobody needs
-        self._n_stand_ins = 0
+        self._bodies: dict[int, str] = {}  # by the lane in which each shows the ego
+        self._spare = [EGO_ID]  # bodies that nobody needs
+        self._widths: dict[str, float] = {}  # m, of each body where it was put last
         self._brake_hard: set[str] = set()
         self._gridlock = Gridlock(api)
 
@@ -139,44 +138,41 @@ class Session:
             api.setEmergencyDecel(name, own)
         self._brake_hard = set(names)
 
-    def place_ego(
-        self, state: EgoState, vehicle: VehicleGeometry, *, width: float | None = None, intrusions: tuple[Intrusion, ...] = ()
-    ) -> None:
-        """Put the ego at `state` at the end of the coming step, which drivers then see in every lane it reaches into.
+    def place_ego(self, parts: tuple[Part, ...], *, speed: float) -> None:
+        """Show drivers these parts of the ego at the end of the coming step; its front is nearest to the first one's lane.
 
-        In its own it is `width` [m] wide, if not as wide as the vehicle and SIDE_CLEARANCE_M beside it.
+        SUMO counts a vehicle that moveToXY placed to one lane: drivers in the next pass through whatever reaches into theirs.
+        So each lane has a body of its own: the vehicle that SUMO let in, and more of its kind. None reaches into a second lane:
+        of a vehicle that does SUMO 1.28 keeps the lanes beside it, and has crashed over an old list of them when the vehicle
+        had lost its place on the road at a node (MSVehicle::getBackPositionOnLane).
 
-        SUMO counts a vehicle that moveToXY placed to the one lane nearest to its front: drivers in the next lane pass through
-        whatever reaches into theirs. A vehicle without a driver stands in for that part, for as long as it is there. It stays
-        in the simulation when it is not: drivers keep whom they saw beside them until they act again, and SUMO 1.28 has crashed
-        over stand-ins that had been removed, or taken off the road, under their eyes. It rides inside the ego then.
+        A body stays in its lane as long as the ego is shown there, and in the simulation when it is not: drivers keep whom they
+        saw beside them until they act again, and SUMO 1.28 has crashed over bodies that had been removed, or taken off the
+        road, under their eyes. It rides inside the first part then.
         """
-        bumper = advance(state.pose, vehicle.axle_to_bumper_m)
-        self._sumo.vehicle.setWidth(EGO_ID, width or vehicle.width_m + 2 * SIDE_CLEARANCE_M)
-        self._place(EGO_ID, bumper, speed=state.speed)
-        for lane in sorted(self._stand_ins.keys() - {intrusion.lane for intrusion in intrusions}):
-            self._inside.append(self._stand_ins.pop(lane))
-            self._sumo.vehicle.setWidth(self._inside[-1], _INSIDE_WIDTH_M)
-        for intrusion in intrusions:
-            if intrusion.lane not in self._stand_ins:
-                self._stand_ins[intrusion.lane] = self._inside.pop() if self._inside else self._add_stand_in()
-            name = self._stand_ins[intrusion.lane]
-            self._sumo.vehicle.setWidth(name, intrusion.width)
-            self._place(name, intrusion.front, speed=state.speed)
-        for name in self._inside:
-            self._place(name, advance(bumper, -_INSIDE_M), speed=state.speed)
+        for lane in sorted(self._bodies.keys() - {part.lane for part in parts}):
+            self._spare.append(self._bodies.pop(lane))
+        for part in parts:
+            if part.lane not in self._bodies:
+                self._bodies[part.lane] = self._spare.pop() if self._spare else self._add_body()
+            self._place(self._bodies[part.lane], part, width=part.width, speed=speed)
+        for name in self._spare:
+            self._place(name, parts[0], width=_SPARE_WIDTH_M, speed=speed)
 
-    def _place(self, name: str, bumper: FloatArray, *, speed: float) -> None:
-        x, y, heading = bumper
+    def _place(self, name: str, part: Part, *, width: float, speed: float) -> None:
+        x, y, heading = part.front
         angle = float(sumo_angle_from_heading(heading))
         api = self._sumo.vehicle
-        api.moveToXY(name, "", -1, x, y, angle=angle, keepRoute=_PLACEMENT, matchThreshold=_MATCH_RADIUS_M)
+        # A new width holds at once, the new place after the step: until then the body must fit into the old one too.
+        api.setWidth(name, min(width, self._widths.get(name, width)))
+        self._widths[name] = width
+        # The lane is told because the nearest centre line may be another's, as beside a narrow one.
+        api.moveToXY(name, part.edge, part.index, x, y, angle=angle, keepRoute=_PLACEMENT, matchThreshold=_MATCH_RADIUS_M)
         # Without it SUMO infers a speed from the move, with spikes of 1 m/s.
         api.setSpeed(name, speed)
 
-    def _add_stand_in(self) -> str:
-        self._n_stand_ins += 1
-        name = f"{EGO_ID}.{self._n_stand_ins}"
+    def _add_body(self) -> str:
+        name = f"{EGO_ID}.{len(self._bodies)}"
         self._sumo.vehicle.add(name, EGO_ID, typeID=EGO_ID, depart="now")
         self._take_over(name)
         return name

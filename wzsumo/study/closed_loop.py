@@ -88,7 +88,7 @@ def drive_path(
             record.rows.append(_log_row(session.time, state, command, course.controller))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
             seen = seen_by_others(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
-            session.place_ego(state, drive.vehicle, width=seen.width, intrusions=seen.intrusions)
+            session.place_ego(seen, speed=state.speed)
             session.step()
             on_step(course.controller.station_m)
             traffic = session.traffic()
