@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from wzsumo.ego import EgoState
 from wzsumo.path import ReferencePath
 from wzsumo.simulation.traffic import Traffic
-from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait, route_along
+from wzsumo.study.giving_way import place_to_wait
+from wzsumo.study.way import Way, route_along
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
@@ -108,23 +109,8 @@ def test_lanes_that_shift_together_bring_nobody_into_anothers_way():
     assert waiting_place(path, other) is None
 
 
-def test_vehicle_ahead_in_the_way_is_the_leader_with_the_gap_between_bumpers():
-    leader = leader_ahead(way(), one_vehicle(30.0, RIGHT + 0.5, speed=7))
-    assert leader is not None
-    assert leader.gap_m == pytest.approx(30 - (4.8 + CAR.length_m) / 2, abs=1.0)  # the path has a pose a metre
-    assert leader.speed_mps == 7
-
-
-def test_vehicle_that_stands_across_the_line_is_in_the_way_of_who_passes_its_middle():
-    # Corners of a 4.8 x 1.85 m car turned by 0.2: 0.91 + 0.48 = 1.38 m to the side, and half the ego's 1.86 m.
-    beside = RIGHT + 1.38 + 0.93 - 0.1
-    assert leader_ahead(way(), one_vehicle(30.0, beside, speed=0, heading=-0.2)) is not None
-    assert leader_ahead(way(), one_vehicle(30.0, beside, speed=0)) is None
-
-
-def test_empty_road_leaves_nobody_to_mind():
+def test_empty_road_leaves_nobody_to_wait_for():
     nobody = Traffic(ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), lengths=np.empty(0), widths=np.empty(0))
-    assert leader_ahead(way(slope=0.1), nobody) is None
     assert waiting_place(way(slope=0.1), nobody) is None
 
 

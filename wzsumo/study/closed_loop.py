@@ -17,11 +17,13 @@ from wzsumo.path import ReferencePath
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.session import Session, running
 from wzsumo.simulation.traffic import Traffic, traffic_trace
-from wzsumo.study.giving_way import Way, leader_ahead, place_to_wait
+from wzsumo.study.giving_way import place_to_wait
 from wzsumo.study.lane_intrusion import seen_by_others
+from wzsumo.study.leaders import leader_ahead
 from wzsumo.study.replanning import Course, NewMap
 from wzsumo.study.stop_line import stop_line_ahead
 from wzsumo.study.surroundings import Surroundings
+from wzsumo.study.way import Way
 from wzsumo.tables import EGO_LOG_COLUMNS
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
@@ -82,7 +84,8 @@ def drive_path(
                 session.let_brake_hard(_behind(state, traffic))
                 session.resolve_gridlock(traffic)
                 way = course.way(state)
-                leader, stop_in_m = leader_ahead(way, traffic), _nearest_stop(way, traffic, session=session, layout=layout)
+                leader = leader_ahead(way, traffic, layout=layout)
+                stop_in_m = _nearest_stop(way, traffic, session=session, layout=layout)
                 record.look_round(session.time, state, traffic)
             command = course.controller.command(state, dt=STEP_S, leader=leader, stop_in_m=stop_in_m)
             record.rows.append(_log_row(session.time, state, command, course.controller))

@@ -1,19 +1,16 @@
-"""Whom the ego minds on its path: the vehicle ahead in its way, and those in whose way it would come.
+"""Where the ego waits for those in whose way it would come.
 
 Drivers brake for what is in their lane. They cannot for what comes into it right before them: there the ego waits.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
-from wzsumo.control.car_following import STOP_MARGIN_M, Leader
-from wzsumo.ego import EgoState
-from wzsumo.frames import FloatArray, advance, wrap_angle
+from wzsumo.control.car_following import STOP_MARGIN_M
+from wzsumo.frames import FloatArray
 from wzsumo.grid import BoolArray
-from wzsumo.path import ReferencePath
 from wzsumo.simulation.traffic import Traffic
+from wzsumo.study.way import Way, half_extents
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
@@ -30,59 +27,6 @@ TOUCH_M, STANDING_MPS = 0.2, 0.3  # beside or before a vehicle that stands still
 LEAST_GAP_M = 0.1
 LEAST_MOVE_M = 0.1  # sideways; less is no move into another's way, though the other may have come near
 _BEHIND_M = 150.0  # who may come alongside within the foresight
-_AHEAD_M = 20.0  # beyond the reach of the leader's search: the longest vehicle's half, and the path's bends
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Route:
-    """A path with what is asked of it at each step, one row a pose; made by `route_along`."""
-
-    poses: FloatArray  # (n, 3) of the REAR AXLE
-    stations: FloatArray  # (n,) m along the path
-    on_road: FloatArray  # (n, 3) station [m], lateral offset [m] and heading [rad] on the road, of the vehicle's CENTRE
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Way:
-    """The ego on its route: where it is and how it would go on if nobody hindered it."""
-
-    route: Route
-    station: float  # m, of the rear axle along the path
-    state: EgoState
-    vehicle: VehicleGeometry
-    desired_speeds: FloatArray  # (n,) m/s at the route's poses, slower before and in bends
-    acceleration: float  # m/s2, with which it takes up speed
-
-
-def route_along(path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> Route:
-    """The route of a path on the road of `layout`."""
-    centres = advance(path.poses, vehicle.axle_to_centre_m)
-    station, offset = layout.road.to_sd(centres[:, :2])
-    turned = wrap_angle(centres[:, 2] - layout.road.heading_at(station))
-    return Route(poses=path.poses, stations=path.arc_length, on_road=np.column_stack([station, offset, turned]))
-
-
-def leader_ahead(way: Way, traffic: Traffic) -> Leader | None:
-    """The nearest vehicle ahead whose body reaches into the ego's way along the path."""
-    station, vehicle = way.station, way.vehicle
-    reach = max(30.0, 6 * way.state.speed)
-    first, last = np.searchsorted(way.route.stations, [station, station + reach])
-    traffic = traffic.near(way.state.x, way.state.y, reach_m=reach + _AHEAD_M)
-    if last - first < 2 or not traffic.ids:
-        return None
-    poses, poses_s = way.route.poses[first:last], way.route.stations[first:last]
-    offset = traffic.poses[:, None, :2] - poses[None, :, :2]
-    nearest = np.argmin(np.einsum("ijk,ijk->ij", offset, offset), axis=1)
-    index = np.arange(len(traffic.ids))
-    along, across = _in_frame(offset[index, nearest], poses[nearest, 2])
-    half_along, half_across = _half_extents(traffic.poses[:, 2] - poses[nearest, 2], traffic.lengths, traffic.widths)
-    gap = poses_s[nearest] - station + along - half_along - vehicle.axle_to_bumper_m
-    in_way = (np.abs(across) < half_across + vehicle.width_m / 2 + TOUCH_M) & (along > -1.0) & (along < 5.0) & (nearest > 0)
-    in_way &= gap > -traffic.lengths
-    if not in_way.any():
-        return None
-    who = int(np.argmin(np.where(in_way, gap, np.inf)))
-    return Leader(gap_m=float(max(gap[who], 0.0)), speed_mps=float(traffic.speeds[who]))
 
 
 def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> float | None:
@@ -105,7 +49,7 @@ def place_to_wait(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> floa
     path_stations, own_speeds = _carried_on(way, times)
     own = np.column_stack([np.interp(path_stations, way.route.stations, column) for column in way.route.on_road.T])
     aside = _tracks(station, across, own[:, 0], layout=layout) - own[:, 1]
-    half_width = _half_extents(own[:, 2], way.vehicle.length_m, way.vehicle.width_m)[1]
+    half_width = half_extents(own[:, 2], way.vehicle.length_m, way.vehicle.width_m)[1]
     side_gap = np.abs(aside) - traffic.widths[:, None] / 2 - half_width
     reached = side_gap[:, 0] - LEAST_MOVE_M
     # Not below a least gap: an ego that may always move a little more creeps into whoever creeps beside it.
@@ -184,15 +128,3 @@ def _carried_on(way: Way, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     # Under constant acceleration the mean speed of a stretch is that of its ends.
     passed = np.append(0.0, np.cumsum(2 * np.diff(stations) / np.maximum(speeds[:-1] + speeds[1:], 1e-6)))
     return np.interp(times, passed, stations), np.interp(times, passed, speeds)
-
-
-def _in_frame(offsets: FloatArray, heading: npt.NDArray[np.float64]) -> tuple[FloatArray, FloatArray]:
-    """Parts of offsets (..., 2) along and, positive to the left, across headings (...)."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    return offsets[..., 0] * cos + offsets[..., 1] * sin, offsets[..., 1] * cos - offsets[..., 0] * sin
-
-
-def _half_extents(turned: FloatArray, length: FloatArray | float, width: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-    """Half of what bodies take up along and across a line from which they are turned [rad]: who stands askew takes more."""
-    cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
-    return np.asarray(length * cos + width * sin) / 2, np.asarray(width * cos + length * sin) / 2

@@ -9,8 +9,8 @@ from wzsumo.control.controller import Controller, ControlSpec
 from wzsumo.ego import EgoState, Replan
 from wzsumo.path import ReferencePath
 from wzsumo.planning.plan import Plan
-from wzsumo.study.giving_way import Way, route_along
 from wzsumo.study.scenario import Pose
+from wzsumo.study.way import Way, route_along
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 

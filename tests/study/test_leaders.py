@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+from builders import paper_layout
+
+from wzsumo.ego import EgoState
+from wzsumo.path import ReferencePath
+from wzsumo.simulation.traffic import Traffic
+from wzsumo.study.leaders import leader_ahead
+from wzsumo.study.way import Way, route_along
+from wzsumo.vehicle import VehicleGeometry
+
+CAR = VehicleGeometry()
+LAYOUT = paper_layout()  # its left lane ends
+LANE = 12 * 0.3048
+RIGHT, MIDDLE = 0.5 * LANE, 1.5 * LANE
+
+
+def one_vehicle(ahead_m, y, *, speed, heading=0.0):
+    """A car whose centre is so far ahead of the ego's, which is at x = 51.4 m."""
+    return Traffic(
+        ids=("other",),
+        poses=np.array([[50 + CAR.axle_to_centre_m + ahead_m, y, heading]]),
+        speeds=np.array([speed]),
+        lengths=np.array([4.8]),
+        widths=np.array([1.85]),
+    )
+
+
+def way(y=RIGHT, *, slope=0.0, speed=10.0, desired_speed=10.0, x=50.0):
+    """The ego at the start of a path from (x, y) that drifts to the left by `slope`."""
+    s = np.arange(0.0, 200.0)
+    path = ReferencePath(poses=np.column_stack([x + s, y + slope * s, np.full_like(s, np.arctan(slope))]))
+    return Way(
+        route=route_along(path, layout=LAYOUT, vehicle=CAR), station=0.0, vehicle=CAR,
+        state=EgoState(x=x, y=y, heading=float(np.arctan(slope)), speed=speed),
+        desired_speeds=np.full_like(s, desired_speed), acceleration=1.4,
+    )  # fmt: skip
+
+
+def test_vehicle_ahead_in_the_way_is_the_leader_with_the_gap_between_bumpers():
+    leader = leader_ahead(way(), one_vehicle(30.0, RIGHT + 0.5, speed=7), layout=LAYOUT)
+    assert leader is not None
+    assert leader.gap_m == pytest.approx(30 - (4.8 + CAR.length_m) / 2, abs=1.0)  # the path has a pose a metre
+    assert leader.speed_mps == 7
+
+
+def test_vehicle_that_stands_across_the_line_is_in_the_way_of_who_passes_its_middle():
+    # Corners of a 4.8 x 1.85 m car turned by 0.2: 0.91 + 0.48 = 1.38 m to the side, and half the ego's 1.86 m.
+    beside = RIGHT + 1.38 + 0.93 - 0.1
+    assert leader_ahead(way(), one_vehicle(30.0, beside, speed=0, heading=-0.2), layout=LAYOUT) is not None
+    assert leader_ahead(way(), one_vehicle(30.0, beside, speed=0), layout=LAYOUT) is None
+
+
+def drifting(ahead_m, *, side_gap, towards=0.5, speed=15.0, from_left=True):
+    """A car in the lane beside an ego in the middle one, nearing its way, `side_gap` off, by `towards` m/s."""
+    turned = np.arcsin(towards / speed)
+    reach = 1.85 / 2 * np.cos(turned) + 4.8 / 2 * np.sin(turned) + CAR.width_m / 2
+    side = 1 if from_left else -1
+    return one_vehicle(ahead_m, MIDDLE + side * (side_gap + reach), speed=speed, heading=-side * turned)
+
+
+def follows(traffic, *, speed):
+    return leader_ahead(way(y=MIDDLE, speed=speed), traffic, layout=LAYOUT) is not None
+
+
+@pytest.mark.parametrize(("side_gap", "followed"), [(1.6, True), (1.8, False)])
+def test_driver_at_the_end_of_his_lane_is_followed_if_three_seconds_of_drift_bring_him_into_the_way(side_gap, followed):
+    # 0.5 m/s x 3 s, and 0.2 m beside the ego count as in its way: 1.7 m is the border.
+    assert follows(drifting(20.0, side_gap=side_gap), speed=20.0) == followed
+
+
+@pytest.mark.parametrize(("side_gap", "followed"), [(0.6, True), (0.8, False)])
+def test_ego_that_is_past_before_he_is_in_its_way_follows_nobody(side_gap, followed):
+    # Centres 10 m apart: past 14.7 m farther on, at 15 m/s in 0.98 s; 0.49 + 0.2 m is the border.
+    assert follows(drifting(10.0, side_gap=side_gap), speed=30.0) == followed
+
+
+def test_driver_who_drifts_within_a_lane_that_goes_on_is_not_followed():
+    assert follows(drifting(20.0, side_gap=1.0), speed=20.0)
+    assert not follows(drifting(20.0, side_gap=1.0, from_left=False), speed=20.0)
+
+
+def test_driver_who_comes_in_faster_than_the_ego_is_not_followed_before_he_is_in():
+    assert not follows(drifting(20.0, side_gap=1.0, speed=21.0), speed=20.0)
+
+
+def test_driver_who_creeps_straight_on_in_a_queue_beside_the_ego_is_not_followed():
+    assert not follows(one_vehicle(20.0, MIDDLE + 0.925 + 0.93 + 0.3, speed=1.0), speed=10.0)
+
+
+def test_empty_road_leaves_nobody_to_follow():
+    nobody = Traffic(ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), lengths=np.empty(0), widths=np.empty(0))
+    assert leader_ahead(way(slope=0.1), nobody, layout=LAYOUT) is None
