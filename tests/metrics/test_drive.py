@@ -1,6 +1,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from builders import bent_road
 
 from wzsumo.ego import EgoRun, Outcome
 from wzsumo.metrics.drive import measure_drive
@@ -59,6 +60,21 @@ def test_following_at_the_same_speed_has_a_time_gap_and_no_collision_course():
     assert measures.min_ttc_s == np.inf
     assert measures.max_drac_mps2 == 0
     assert measures.min_pet_s == pytest.approx(1.5, abs=0.11)  # one step of the clock
+
+
+def test_slower_vehicle_in_the_next_lane_of_a_bend_is_on_no_collision_course_with_who_follows_the_bend():
+    road = bent_road(1000)  # to the left
+    time = 100 + 0.1 * np.arange(50)
+    stations = {"ego": 400 + 27 * (time - 100), "v1": 440 + 20 * (time - 100)}
+    places = {name: road.to_xy(s, road.lane_centre(lane)) for (name, s), lane in zip(stations.items(), (1, 0), strict=True)}
+    headings = {name: road.heading_at(s) for name, s in stations.items()}
+    log = pd.DataFrame(dict.fromkeys(EGO_LOG_COLUMNS, 0.0), index=range(50))
+    log = log.assign(time_s=time, x_m=places["ego"][:, 0], y_m=places["ego"][:, 1], heading_rad=headings["ego"], speed_mps=27.0)
+    rows = {"vehicle_id": "v1", "time_s": time, "x_m": places["v1"][:, 0], "y_m": places["v1"][:, 1]}
+    other = pd.DataFrame(rows | {"heading_rad": headings["v1"], "speed_mps": 20.0, "length_m": 4.8, "width_m": 1.85})
+    run = EgoRun(log=log, traffic=other, followers=NOBODY, replans=(), outcome=Outcome.REACHED_GOAL, reason="")
+    assert measure_drive(run, CAR).min_ttc_s < 5  # the trap: both taken to leave the bend
+    assert measure_drive(run, CAR, road=road).min_ttc_s == np.inf
 
 
 def test_drive_on_an_empty_road_has_no_conflict():

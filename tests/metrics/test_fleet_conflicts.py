@@ -111,17 +111,20 @@ def test_who_passes_another_on_the_inside_of_a_bend_is_on_a_collision_course_onl
     found = fleet_conflicts(traces, dt=DT, road=road)
     assert found["min_ttc_s"].tolist() == [np.inf, np.inf]
     assert found["max_drac_mps2"].tolist() == [0, 0]
+    assert conflicts_with_traffic(passing, slower, dt=DT)["min_ttc_s"].max() < 5
+    (to_ego,) = conflicts_with_traffic(passing, slower, dt=DT, road=road).itertuples(index=False)
+    assert (to_ego.min_ttc_s, to_ego.max_drac_mps2) == (np.inf, 0)
 
 
 @pytest.mark.parametrize("radius_ft", [1000, -1000, 3000])
 def test_follower_on_a_bend_has_hayward_s_time_of_the_gap_along_it(radius_ft):
     road = bent_road(radius_ft)
     middle = road.travelled_width / 2
-    traces = pd.concat(
-        [car_on(road, name, station=s, offset=middle, speed=v) for name, s, v in (("a", 400, 25), ("b", 440, 20))]
-    )
-    last_gap_m = 40 - 4.8 - 5 * traces["time_s"].max()
-    assert fleet_conflicts(traces, dt=DT, road=road)["min_ttc_s"].tolist() == pytest.approx([last_gap_m / 5] * 2, rel=0.03)
+    a, b = (car_on(road, name, station=s, offset=middle, speed=v) for name, s, v in (("a", 400, 25), ("b", 440, 20)))
+    hayward_s = (40 - 4.8 - 5 * a["time_s"].max()) / 5
+    found = fleet_conflicts(pd.concat([a, b]), dt=DT, road=road)
+    assert found["min_ttc_s"].tolist() == pytest.approx([hayward_s] * 2, rel=0.03)
+    assert conflicts_with_traffic(a, b, dt=DT, road=road)["min_ttc_s"].tolist() == pytest.approx([hayward_s], rel=0.03)
 
 
 def test_vehicle_alone_on_the_road_is_in_conflict_with_nobody():

@@ -12,6 +12,7 @@ from wzsumo.errors import SpecError
 from wzsumo.planning.plan import PlannerSpec, plan_path
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
+from wzsumo.simulation.session import Session
 from wzsumo.spec import parse_spec
 from wzsumo.study.closed_loop import STEP_S, Drive, drive_path
 from wzsumo.study.guides import nominal_guide
@@ -58,6 +59,20 @@ def drive(site, files, *, new_maps):
     control = ControlSpec(target_speed_mps=SPEED)
     how = Drive(vehicle=CAR, control=control, plant=PlantSpec(steering_lag_s=0.2), depart_s=40.0, time_limit_s=200.0)
     return drive_path(path, layout=site.layout, files=files, drive=how, on_step=lambda _: None, new_maps=new_maps)
+
+
+def test_drivers_are_shown_the_ego_as_wide_as_it_is_with_its_clearance_at_every_step(site, files, monkeypatch):
+    shown, place_ego = [], Session.place_ego
+
+    def spy(session, parts, *, speed):
+        shown.append(parts)
+        place_ego(session, parts, speed=speed)
+
+    monkeypatch.setattr(Session, "place_ego", spy)
+    run = drive(site, files, new_maps=())
+    assert len(shown) == len(run.log)
+    for (part,) in shown[:100]:  # in the middle of its lane
+        assert part.width == pytest.approx(CAR.width_m + 2 * 0.3, abs=0.01)
 
 
 def true_map(site):

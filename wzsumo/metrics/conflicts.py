@@ -11,7 +11,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from wzsumo.errors import InputError
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, wrap_angle
+from wzsumo.road import Road
 from wzsumo.tables import check_traces
 
 CONFLICT_COLUMNS = (
@@ -113,10 +114,13 @@ def post_encroachment_time(
     return float("inf")
 
 
-def conflicts_with_traffic(ego: pd.DataFrame, traffic: pd.DataFrame, *, dt: float, horizon_s: float = 5.0) -> pd.DataFrame:
+def conflicts_with_traffic(
+    ego: pd.DataFrame, traffic: pd.DataFrame, *, dt: float, road: Road | None = None, horizon_s: float = 5.0
+) -> pd.DataFrame:
     """Conflicts of one vehicle with every other, `CONFLICT_COLUMNS`, one row a vehicle of `traffic`, sorted by id.
 
     Both are trace tables with heading, speed, length and width, sampled on the clock k dt; the ego has one vehicle_id.
+    On a `road` drivers follow its bends: who is on a collision course is told with the road straightened.
     `horizon_s` is the longest post-encroachment time that is looked for (5 s: beyond any threshold of conflict in use).
     """
     own, others = on_clock(ego, dt=dt, source="ego"), on_clock(traffic, dt=dt, source="traffic")
@@ -127,12 +131,25 @@ def conflicts_with_traffic(ego: pd.DataFrame, traffic: pd.DataFrame, *, dt: floa
         a, b = (table.set_index("tick").reindex(ticks) for table in (own, other))
         tracks = [table[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float) for table in (a, b)]
         sizes = [table[["length_m", "width_m"]].to_numpy(dtype=float)[0] for table in (own, other)]
+        courses = tracks if road is None else [straightened(track, road) for track in tracks]
         near = box_approach(
-            tracks[0], sizes[0], tracks[1], sizes[1], speed_a=a["speed_mps"].to_numpy(), speed_b=b["speed_mps"].to_numpy()
+            courses[0], sizes[0], courses[1], sizes[1], speed_a=a["speed_mps"].to_numpy(), speed_b=b["speed_mps"].to_numpy()
         )
         pet = post_encroachment_time(tracks[0], sizes[0], tracks[1], sizes[1], dt=dt, horizon_s=horizon_s)
         rows.append((vehicle_id, pet == 0, near.ttc.min(), near.drac.max(), pet))
     return pd.DataFrame(rows, columns=list(CONFLICT_COLUMNS))
+
+
+def straightened(poses: FloatArray, road: Road) -> FloatArray:
+    """Poses (n, 3) as they are when the road is laid straight: station, lateral offset and heading against the road's own.
+
+    Speeds along it stay what they are, within the few per cent by which an outer lane is longer. NaN where a pose is.
+    """
+    there = np.isfinite(poses).all(axis=1)
+    along = np.full_like(poses, np.nan)
+    station, offset = road.to_sd(poses[there, :2])
+    along[there] = np.column_stack([station, offset, wrap_angle(poses[there, 2] - road.heading_at(station))])
+    return along
 
 
 def on_clock(traces: pd.DataFrame, *, dt: float, source: str) -> pd.DataFrame:

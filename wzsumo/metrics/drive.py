@@ -9,6 +9,7 @@ import pandas as pd
 from wzsumo.ego import EgoRun
 from wzsumo.frames import FloatArray, advance, wrap_angle
 from wzsumo.metrics.conflicts import conflicts_with_traffic
+from wzsumo.road import Road
 from wzsumo.vehicle import VehicleGeometry
 
 CLOCK_S = 0.1  # of the surrounding traffic's log
@@ -29,8 +30,8 @@ class DriveMeasures:
     mean_speed_mps: float
 
 
-def measure_drive(run: EgoRun, vehicle: VehicleGeometry) -> DriveMeasures:
-    """The measures of a run that has at least two rows in its log."""
+def measure_drive(run: EgoRun, vehicle: VehicleGeometry, *, road: Road | None = None) -> DriveMeasures:
+    """The measures of a run that has at least two rows in its log; on a `road` drivers are taken to follow its bends."""
     log = run.log
     time, speed = log["time_s"].to_numpy(dtype=float), log["speed_mps"].to_numpy(dtype=float)
     step = float(np.median(np.diff(time)))
@@ -38,7 +39,9 @@ def measure_drive(run: EgoRun, vehicle: VehicleGeometry) -> DriveMeasures:
     acceleration = _rate(speed, over) / step
     yaw_rate = _rate(np.concatenate([[0.0], np.cumsum(wrap_angle(np.diff(log["heading_rad"])))]), over) / step
     jerk = _rate(acceleration, over) / step
-    conflicts = conflicts_with_traffic(_ego_trace(run, vehicle), run.traffic, dt=CLOCK_S) if len(run.traffic) else None
+    conflicts = None
+    if len(run.traffic):
+        conflicts = conflicts_with_traffic(_ego_trace(run, vehicle), run.traffic, dt=CLOCK_S, road=road)
     return DriveMeasures(
         min_ttc_s=float(conflicts["min_ttc_s"].min()) if conflicts is not None else np.inf,
         max_drac_mps2=float(conflicts["max_drac_mps2"].max()) if conflicts is not None else 0.0,

@@ -8,8 +8,8 @@ import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from wzsumo.frames import FloatArray, wrap_angle
-from wzsumo.metrics.conflicts import CONFLICT_COLUMNS, on_clock
+from wzsumo.frames import FloatArray
+from wzsumo.metrics.conflicts import CONFLICT_COLUMNS, on_clock, straightened
 from wzsumo.road import Road
 
 IntArray = npt.NDArray[np.int64]
@@ -36,7 +36,7 @@ def fleet_conflicts(
     ids, vehicle = np.unique(table["vehicle_id"].to_numpy(dtype=str), return_inverse=True)
     poses = table[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
     ttc, drac = _approaches(
-        *_by_tick(table, vehicle, poses if road is None else _straightened(poses, road)), len(ids), ttc_horizon_s
+        *_by_tick(table, vehicle, poses if road is None else straightened(poses, road)), len(ids), ttc_horizon_s
     )
     lags = _least_lags(*_by_tick(table, vehicle, poses)[:-1], len(ids), int(pet_horizon_s / dt + 1e-9))
     pet = np.where(lags < 0, np.inf, lags * dt)
@@ -47,12 +47,6 @@ def compile_kernels() -> None:
     """Compile or load the kernels of this module, so that the first real call does not wait."""
     rows = {"vehicle_id": ["a", "b"], "time_s": 0.0, "x_m": [0.0, 20.0], "y_m": 0.0, "heading_rad": 0.0}
     fleet_conflicts(pd.DataFrame(rows | {"speed_mps": [20.0, 0.0], "length_m": 5.0, "width_m": 2.0}), dt=0.1)
-
-
-def _straightened(poses: FloatArray, road: Road) -> FloatArray:
-    """Station, lateral offset and heading against the road's own of each pose."""
-    station, offset = road.to_sd(poses[:, :2])
-    return np.column_stack([station, offset, wrap_angle(poses[:, 2] - road.heading_at(station))])
 
 
 def _by_tick(

@@ -63,4 +63,4 @@ def assess(
 
 def _drive_figures(run: EgoRun, over_zone: pd.DataFrame, *, scenario: Scenario, site: Site) -> dict[str, Any]:
     caused = delay_behind(run.log, run.followers, over_zone, road=site.layout.road, vehicle=scenario.vehicle)
-    return asdict(measure_drive(run, scenario.vehicle)) | asdict(caused)
+    return asdict(measure_drive(run, scenario.vehicle, road=site.layout.road)) | asdict(caused)
