@@ -25,6 +25,7 @@ def one_vehicle(ahead_m, y, *, speed, heading=0.0):
         ids=("other",),
         poses=np.array([[50 + CAR.axle_to_centre_m + ahead_m, y, heading]]),
         speeds=np.array([speed]),
+        accelerations=np.zeros(1),
         lengths=np.array([4.8]),
         widths=np.array([1.85]),
     )
@@ -105,12 +106,21 @@ def test_lanes_that_shift_together_bring_nobody_into_anothers_way():
     x = shifting.start + 10
     path = way(MIDDLE + 10 * drift, slope=drift, x=x)
     beside = np.array([[x, RIGHT + 10 * drift, np.arctan(drift)]])
-    other = Traffic(ids=("other",), poses=beside, speeds=np.array([12.0]), lengths=np.array([4.8]), widths=np.array([1.85]))
+    other = Traffic(
+        ids=("other",),
+        poses=beside,
+        speeds=np.array([12.0]),
+        accelerations=np.zeros(1),
+        lengths=np.array([4.8]),
+        widths=np.array([1.85]),
+    )
     assert waiting_place(path, other) is None
 
 
 def test_empty_road_leaves_nobody_to_wait_for():
-    nobody = Traffic(ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), lengths=np.empty(0), widths=np.empty(0))
+    nobody = Traffic(
+        ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), accelerations=np.empty(0), lengths=np.empty(0), widths=np.empty(0)
+    )
     assert waiting_place(way(slope=0.1), nobody) is None
 
 

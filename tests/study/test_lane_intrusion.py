@@ -11,7 +11,9 @@ from wzsumo.vehicle import VehicleGeometry
 LAYOUT = paper_layout()
 EDGES = edges_of(LAYOUT)
 CAR = VehicleGeometry()  # 1.86 m wide
-NOBODY = Traffic(ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), lengths=np.empty(0), widths=np.empty(0))
+NOBODY = Traffic(
+    ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), accelerations=np.empty(0), lengths=np.empty(0), widths=np.empty(0)
+)
 LANE = 12 * 0.3048
 WITHIN = 0.3  # of a lane's lines is what is shown in it
 
@@ -98,7 +100,7 @@ def test_ego_is_not_shown_in_another_lane_while_somebody_there_is_beside_it(ahea
     x = 100.0 + CAR.axle_to_centre_m + ahead_m
     other = Traffic(
         ids=("other",), poses=np.array([[x, (lane + 0.5) * LANE, 0.0]]), speeds=np.array([10.0]),
-        lengths=np.array([4.8]), widths=np.array([1.85]),
+        accelerations=np.zeros(1), lengths=np.array([4.8]), widths=np.array([1.85]),
     )  # fmt: skip
     assert (0 in lanes_of(seen(LANE + 0.5, traffic=other))) == shown
 

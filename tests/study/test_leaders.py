@@ -15,12 +15,13 @@ LANE = 12 * 0.3048
 RIGHT, MIDDLE = 0.5 * LANE, 1.5 * LANE
 
 
-def one_vehicle(ahead_m, y, *, speed, heading=0.0):
+def one_vehicle(ahead_m, y, *, speed, heading=0.0, acceleration=0.0):
     """A car whose centre is so far ahead of the ego's, which is at x = 51.4 m."""
     return Traffic(
         ids=("other",),
         poses=np.array([[50 + CAR.axle_to_centre_m + ahead_m, y, heading]]),
         speeds=np.array([speed]),
+        accelerations=np.array([acceleration]),
         lengths=np.array([4.8]),
         widths=np.array([1.85]),
     )
@@ -38,10 +39,10 @@ def way(y=RIGHT, *, slope=0.0, speed=10.0, desired_speed=10.0, x=50.0):
 
 
 def test_vehicle_ahead_in_the_way_is_the_leader_with_the_gap_between_bumpers():
-    leader = leader_ahead(way(), one_vehicle(30.0, RIGHT + 0.5, speed=7), layout=LAYOUT)
+    leader = leader_ahead(way(), one_vehicle(30.0, RIGHT + 0.5, speed=7, acceleration=-3), layout=LAYOUT)
     assert leader is not None
     assert leader.gap_m == pytest.approx(30 - (4.8 + CAR.length_m) / 2, abs=1.0)  # the path has a pose a metre
-    assert leader.speed_mps == 7
+    assert (leader.speed_mps, leader.acceleration_mps2) == (7, -3)
 
 
 def test_vehicle_that_stands_across_the_line_is_in_the_way_of_who_passes_its_middle():
@@ -89,5 +90,7 @@ def test_driver_who_creeps_straight_on_in_a_queue_beside_the_ego_is_not_followed
 
 
 def test_empty_road_leaves_nobody_to_follow():
-    nobody = Traffic(ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), lengths=np.empty(0), widths=np.empty(0))
+    nobody = Traffic(
+        ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), accelerations=np.empty(0), lengths=np.empty(0), widths=np.empty(0)
+    )
     assert leader_ahead(way(slope=0.1), nobody, layout=LAYOUT) is None

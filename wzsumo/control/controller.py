@@ -28,7 +28,7 @@ class ControlSpec(Spec):
 
     lateral: Literal["paper", "regulated"] = "regulated"
     longitudinal: Literal["paper", "tuned"] = "tuned"
-    car_following: Literal["none", "idm", "acc"] = "idm"
+    car_following: Literal["none", "idm", "acc"] = "acc"
     target_speed_mps: float = Field(default=10.0, ge=0, le=60)  # Chen et al. 2022
     min_lookahead_m: float = Field(default=3.0, gt=0)  # ibid.; the law "paper"
     pursuit_length_m: float = Field(default=4.6391, gt=0)  # ibid.: the LENGTH, used as wheelbase; the law "paper"

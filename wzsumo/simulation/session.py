@@ -81,6 +81,7 @@ class Session:
             ids=ids,
             poses=advance(np.column_stack([bumper, heading]), -size[:, 0] / 2),
             speeds=np.array([vehicle.getSpeed(v) for v in ids], dtype=float),
+            accelerations=np.array([vehicle.getAcceleration(v) for v in ids], dtype=float),
             lengths=size[:, 0],
             widths=size[:, 1],
         )

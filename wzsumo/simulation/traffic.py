@@ -11,11 +11,12 @@ from wzsumo.frames import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traffic:
-    """All vehicles but the ego at one moment: ids (n,), centre poses (n, 3), speeds (n,), lengths and widths (n,)."""
+    """All vehicles but the ego at one moment: ids (n,), centre poses (n, 3), and (n,) of all else, in m and s."""
 
     ids: tuple[str, ...]
     poses: FloatArray
     speeds: FloatArray
+    accelerations: FloatArray  # along the heading
     lengths: FloatArray
     widths: FloatArray
 
@@ -24,7 +25,8 @@ class Traffic:
         kept = np.hypot(self.poses[:, 0] - x, self.poses[:, 1] - y) <= reach_m
         return Traffic(
             ids=tuple(name for name, is_near in zip(self.ids, kept, strict=True) if is_near),
-            poses=self.poses[kept], speeds=self.speeds[kept], lengths=self.lengths[kept], widths=self.widths[kept],
+            poses=self.poses[kept], speeds=self.speeds[kept], accelerations=self.accelerations[kept],
+            lengths=self.lengths[kept], widths=self.widths[kept],
         )  # fmt: skip
 
 

@@ -45,7 +45,11 @@ def leader_ahead(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leade
     if not in_way.any():
         return None
     who = int(np.argmin(np.where(in_way, gap, np.inf)))
-    return Leader(gap_m=float(max(gap[who], 0.0)), speed_mps=float(traffic.speeds[who]))
+    return Leader(
+        gap_m=float(max(gap[who], 0.0)),
+        speed_mps=float(traffic.speeds[who]),
+        acceleration_mps2=float(traffic.accelerations[who]),
+    )
 
 
 def _lane_ends(traffic: Traffic, layout: WorkZoneLayout) -> BoolArray:
