@@ -1,5 +1,7 @@
 """Whom the ego follows: the vehicle ahead that is in its way, or comes into it before the ego is past."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,35 +23,54 @@ def leader_ahead(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leade
     Soon will who is slower and in a lane that ends, if he goes on as he does and the ego has not passed him by then. A driver
     who finds no gap there brakes hard and drifts on to the side: an ego that minds him when he is in its way has him beside it.
     """
-    station, vehicle = way.station, way.vehicle
     reach = max(30.0, 6 * way.state.speed)
-    first, last = np.searchsorted(way.route.stations, [station, station + reach])
+    first, last = np.searchsorted(way.route.stations, [way.station, way.station + reach])
     traffic = traffic.near(way.state.x, way.state.y, reach_m=reach + _AHEAD_M)
     if last - first < 2 or not traffic.ids:
         return None
-    poses, poses_s = way.route.poses[first:last], way.route.stations[first:last]
-    offset = traffic.poses[:, None, :2] - poses[None, :, :2]
-    nearest = np.argmin(np.einsum("ijk,ijk->ij", offset, offset), axis=1)
-    index = np.arange(len(traffic.ids))
-    along, across = _in_frame(offset[index, nearest], poses[nearest, 2])
-    turned = traffic.poses[:, 2] - poses[nearest, 2]
-    half_along, half_across = half_extents(turned, traffic.lengths, traffic.widths)
-    gap = poses_s[nearest] - station + along - half_along - vehicle.axle_to_bumper_m
-    aside = np.abs(across) - half_across - vehicle.width_m / 2
-    comes_nearer = -np.sign(across) * traffic.speeds * np.sin(turned)
-    closing = way.state.speed - traffic.speeds * np.cos(turned)
-    past_in = (gap + 2 * half_along + vehicle.length_m) / np.maximum(closing, 1e-9)
-    soon_aside = aside - comes_nearer * np.minimum(past_in, DRIFT_S)
-    drifts_in = (gap > 0) & (closing > 0) & (soon_aside < TOUCH_M) & _lane_ends(traffic, layout)
-    in_way = ((aside < TOUCH_M) | drifts_in) & (along > -1.0) & (along < 5.0) & (nearest > 0) & (gap > -traffic.lengths)
+    places = _places_along(way, traffic, stretch=slice(first, last))
+    in_way = (places.aside < TOUCH_M) | (_drifts_in(places, length=way.vehicle.length_m) & _lane_ends(traffic, layout))
+    in_way &= places.ahead & (places.gap > -traffic.lengths)
     if not in_way.any():
         return None
-    who = int(np.argmin(np.where(in_way, gap, np.inf)))
-    return Leader(
-        gap_m=float(max(gap[who], 0.0)),
-        speed_mps=float(traffic.speeds[who]),
-        acceleration_mps2=float(traffic.accelerations[who]),
+    who = int(np.argmin(np.where(in_way, places.gap, np.inf)))
+    gap, speed, acceleration = (float(of[who]) for of in (places.gap, traffic.speeds, traffic.accelerations))
+    return Leader(gap_m=max(gap, 0.0), speed_mps=speed, acceleration_mps2=acceleration)
+
+
+class _Places(NamedTuple):
+    """Where vehicles (n,) are along the ego's path, and how they move there."""
+
+    gap: FloatArray  # m, from the ego's bumper to their rear end; below 0 they are beside it
+    aside: FloatArray  # m, from the ego's side, when it passes, to theirs
+    length: FloatArray  # m that they take up along the path
+    towards: FloatArray  # m/s, sideways, at which they near the path
+    closing: FloatArray  # m/s, at which the ego comes nearer
+    ahead: BoolArray  # on the stretch of the path that was looked at
+
+
+def _places_along(way: Way, traffic: Traffic, *, stretch: slice) -> _Places:
+    poses, stations, vehicle = way.route.poses[stretch], way.route.stations[stretch], way.vehicle
+    offset = traffic.poses[:, None, :2] - poses[None, :, :2]
+    nearest = np.argmin(np.einsum("ijk,ijk->ij", offset, offset), axis=1)
+    along, across = _in_frame(offset[np.arange(len(nearest)), nearest], poses[nearest, 2])
+    turned = traffic.poses[:, 2] - poses[nearest, 2]
+    half_along, half_across = half_extents(turned, traffic.lengths, traffic.widths)
+    return _Places(
+        gap=stations[nearest] - way.station + along - half_along - vehicle.axle_to_bumper_m,
+        aside=np.abs(across) - half_across - vehicle.width_m / 2,
+        length=2 * half_along,
+        towards=-np.sign(across) * traffic.speeds * np.sin(turned),
+        closing=way.state.speed - traffic.speeds * np.cos(turned),
+        ahead=(along > -1.0) & (along < 5.0) & (nearest > 0),
     )
+
+
+def _drifts_in(places: _Places, *, length: float) -> BoolArray:
+    """Who of those whom an ego of a length [m] is catching up with will be in its way in DRIFT_S or when it is past."""
+    past_in = (places.gap + places.length + length) / np.maximum(places.closing, 1e-9)
+    soon_aside = places.aside - places.towards * np.minimum(past_in, DRIFT_S)
+    return np.asarray((places.gap > 0) & (places.closing > 0) & (soon_aside < TOUCH_M))
 
 
 def _lane_ends(traffic: Traffic, layout: WorkZoneLayout) -> BoolArray:
