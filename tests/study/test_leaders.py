@@ -76,6 +76,14 @@ def test_ego_that_is_past_before_he_is_in_its_way_follows_nobody(side_gap, follo
     assert follows(drifting(10.0, side_gap=side_gap), speed=30.0) == followed
 
 
+@pytest.mark.parametrize(("speed", "followed"), [(12.0, True), (16.0, False)])
+def test_who_passes_beside_the_ego_and_is_ahead_in_three_tenths_of_a_second_is_not_followed_yet(speed, followed):
+    # Half lengths are 4.72 m together: 1.2 m of him are beside the ego at 10 m/s, 0.6 s or 0.2 s before he is ahead.
+    beside = one_vehicle(3.52, MIDDLE + 0.925 + 0.93 + 0.1, speed=speed)
+    assert follows(beside, speed=10.0) == followed
+    assert follows(one_vehicle(6.0, MIDDLE + 0.925 + 0.93 + 0.1, speed=speed), speed=10.0)
+
+
 def test_driver_who_drifts_within_a_lane_that_goes_on_is_not_followed():
     assert follows(drifting(20.0, side_gap=1.0), speed=20.0)
     assert not follows(drifting(20.0, side_gap=1.0, from_left=False), speed=20.0)

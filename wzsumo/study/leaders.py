@@ -14,6 +14,7 @@ from wzsumo.work_zone import WorkZoneLayout
 
 TOUCH_M = 0.2  # beside the ego; who is no farther off is in its way
 DRIFT_S = 3.0  # of looking ahead at who is on his way in: what drivers do for no reason lasts less
+PASSED_IN_S = 0.3  # who is past the ego so soon is followed from then on: nobody brakes with all he has for him
 _AHEAD_M = 20.0  # beyond the reach of the search: the longest vehicle's half, and the path's bends
 
 
@@ -30,7 +31,8 @@ def leader_ahead(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leade
         return None
     places = _places_along(way, traffic, stretch=slice(first, last))
     in_way = (places.aside < TOUCH_M) | (_drifts_in(places, length=way.vehicle.length_m) & _lane_ends(traffic, layout))
-    in_way &= places.ahead & (places.gap > -traffic.lengths)
+    passing = (places.gap <= 0) & (places.gap > PASSED_IN_S * places.closing)
+    in_way &= places.ahead & (places.gap > -traffic.lengths) & ~passing
     if not in_way.any():
         return None
     who = int(np.argmin(np.where(in_way, places.gap, np.inf)))
