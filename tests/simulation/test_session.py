@@ -49,7 +49,7 @@ def sumo_bumper(session):
     return np.array(session._sumo.vehicle.getPosition(EGO_ID))
 
 
-@pytest.mark.parametrize(("y", "shown_at"), [(1.5 * LANE, 1.5 * LANE), (1.5 * LANE + 0.25, 1.5 * LANE + 0.25), (-1.6, 0.35)])
+@pytest.mark.parametrize(("y", "shown_at"), [(1.5 * LANE, 1.5 * LANE), (1.5 * LANE + 0.15, 1.5 * LANE + 0.15), (-1.6, 0.45)])
 def test_body_is_exactly_where_it_was_put_and_not_snapped_to_the_middle_of_its_lane(files, y, shown_at):
     with running(files.config, options=FINE) as session:
         for state, _ in drive(session, files, y=y, duration_s=1.0):
@@ -222,7 +222,7 @@ def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path):
         while not session.has_ego():
             session.step()
         session.take_over_ego()
-        front = np.array([station, line - 0.35, 0.0])
+        front = np.array([station, line - 0.45, 0.0])
         index = edge.lanes.index(open_lane)
         for _ in range(2):
             session.place_ego((Part(lane=open_lane.index, edge=edge.id, index=index, front=front, width=0.1),), speed=0.0)

@@ -15,7 +15,7 @@ NOBODY = Traffic(
     ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), accelerations=np.empty(0), lengths=np.empty(0), widths=np.empty(0)
 )
 LANE = 12 * 0.3048
-WITHIN = 0.3  # of a lane's lines is what is shown in it
+WITHIN = 0.4  # of a lane's lines is what is shown in it
 
 
 def seen(y, *, heading=0.0, traffic=NOBODY, x=100.0):
@@ -46,7 +46,7 @@ def test_part_over_the_line_to_the_right_is_seen_there_with_its_clearance(over_m
 def test_part_over_the_line_to_the_left_is_seen_there():
     own, part = seen(2 * LANE - CAR.width_m / 2 + 0.4)
     assert (own.lane, part.lane) == (1, 2)
-    assert part.front[1] == pytest.approx(2 * LANE + WITHIN + 0.4 / 2)
+    assert part.front[1] == pytest.approx(2 * LANE + (WITHIN + 0.4 + 0.3) / 2)
 
 
 def test_ego_whose_clearance_alone_reaches_over_the_line_is_seen_there_too():
@@ -87,7 +87,7 @@ def test_every_part_lies_within_its_lane_and_the_first_in_the_one_nearest_to_the
         lane = edge.lanes[part.index]
         assert lane.index == part.lane
         right, left = float(lane.right(part.front[0])), float(lane.left(part.front[0]))
-        assert right + 0.29 < part.front[1] - part.width / 2 < part.front[1] + part.width / 2 < left - 0.29
+        assert right + WITHIN - 0.01 < part.front[1] - part.width / 2 < part.front[1] + part.width / 2 < left - WITHIN + 0.01
     middle = {lane.index: float(lane.right(part.front[0]) + lane.left(part.front[0])) / 2 for lane in edge.through}
     front_y = y + CAR.axle_to_bumper_m * np.sin(turned)
     assert parts[0].lane == min(middle, key=lambda lane: abs(middle[lane] - front_y))
@@ -113,7 +113,7 @@ def test_turned_ego_reaches_over_with_its_corner():
     assert part.width == pytest.approx(2.146 - LANE / 2 + 0.3 - WITHIN, abs=0.002)
 
 
-@pytest.mark.parametrize("turned", [0.12, -0.12])
+@pytest.mark.parametrize("turned", [0.07, -0.07])
 def test_turned_ego_is_seen_as_far_as_its_corners_reach(turned):
     (part,) = seen(LANE / 2 - 1.3 * np.sin(turned), heading=turned)
     # Front to rear corners across the lane: L sin + w cos.

@@ -15,9 +15,9 @@ LEAST_REACH_M = 0.02  # less is not shown
 # Who reaches farther into a lane than the first and leaves the second of it free takes all of it: SUMO's drivers would squeeze
 # past and be shut in. Where less is free nobody fits in.
 BLOCKING_REACH_M, PASSABLE_M = 0.5, 1.5
-# From a lane's line to what is shown in it. SUMO's lanes end 0.1 m before it, on bends of 300 m 0.06 m more, and those of the
-# next edge may be narrower by 0.1 m on each side.
-WITHIN_LANE_M = 0.3
+# From a lane's line to what is shown in it. SUMO's lanes end 0.1 m before it, on bends of 300 m 0.06 m more, where one turns by
+# 1 : 10 0.2 m more, and those of the next edge may be narrower by 0.1 m on each side.
+WITHIN_LANE_M = 0.4
 LEAST_WIDTH_M = 0.1
 
 

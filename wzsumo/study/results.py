@@ -63,7 +63,7 @@ MEASURED_COLUMNS = {
     "driven_min_clearance_devices_m": _number("m", "driven path: outline to the nearest device's"),
     "driven_min_clearance_road_edge_m": _number("m", "driven path: outline to the nearer edge of the pavement"),
     "driven_closed_area_share": _number("1", "driven path: share of its length in the closed area"),
-    "driven_min_ttc_s": _number("s", "drive: least time to collision with any vehicle"),
+    "driven_min_ttc_s": _number("s", "drive: least time to collision with any vehicle, the road laid straight"),
     "driven_max_drac_mps2": _number("m/s2", "drive: largest deceleration that avoids a crash, the ego's or the other's"),
     "driven_min_pet_s": _number("s", "drive: least post-encroachment time"),
     "driven_max_braking_mps2": _number("m/s2", "drive: hardest braking of the ego"),
