@@ -18,6 +18,10 @@ from wzsumo.work_zone import OpenLane, WorkZoneLayout
 # sixth more time in the paper's zone and brings hardly fewer jumps: of 56,000 steps 54 instead of 65 are above 0.2 m (seed 22).
 MAX_WIDTH_STEP_M = 0.2
 MERGE_END_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is as narrow as this: a car just fits
+# The rest of a closing lane past that ends where half a truck fits beside the line. Who is half over the line goes on there and
+# comes in; if he finds no room beside him, SUMO stops him where the rest ends: there nobody whose middle is in the open lane reaches
+# the devices yet.
+REST_END_WIDTH_M = 1.25
 SAME_STATION_M = 0.01
 
 
@@ -47,7 +51,7 @@ def edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
     edges = []
     for number, (start, end) in enumerate(pairwise(_cuts(layout))):
         middle = (start + end) / 2
-        lanes = [q for q in layout.lanes if not q.opposing and q.start <= middle < q.end]
+        lanes = [q for q in layout.lanes if not q.opposing and q.start <= middle < rest_end(q)]
         lanes.sort(key=lambda q: float(q.right(middle)))
         gores = _gores(lanes, start, end)
         name = next((area.name for area in layout.areas if area.start <= middle < area.end), "")
@@ -73,12 +77,13 @@ def opposing_edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
 
 def passable_end(lane: OpenLane) -> float:
     """Station [m] where a closing lane is down to MERGE_END_WIDTH_M; the lane's own end where it does not close."""
-    if width_at(lane, lane.end) >= MERGE_END_WIDTH_M:
-        return lane.end
-    s = np.unique(np.concatenate([lane.left.stations, lane.right.stations, [lane.end]]))
-    s = s[(s >= lane.start) & (s <= lane.end)]
-    widths = lane.left(s) - lane.right(s)
-    return float(np.interp(-MERGE_END_WIDTH_M, -widths, s))
+    return _narrowed_to(MERGE_END_WIDTH_M, lane)
+
+
+def rest_end(lane: OpenLane) -> float:
+    """Station [m] where the rest of a closing lane is down to REST_END_WIDTH_M; the lane's own end where it does not close."""
+    return _narrowed_to(REST_END_WIDTH_M, lane)
+
 
 
 def width_at(lane: OpenLane, s: float) -> float:
@@ -89,6 +94,15 @@ def width_at(lane: OpenLane, s: float) -> float:
 def gap_between(right: OpenLane, left: OpenLane, *, at: tuple[float, ...]) -> float:
     """The greatest width [m] of what lies between two lanes at any of some stations, square to the road."""
     return max(float(left.right(s) - right.left(s)) for s in at)
+
+
+def _narrowed_to(width: float, lane: OpenLane) -> float:
+    if width_at(lane, lane.end) >= width:
+        return lane.end
+    s = np.unique(np.concatenate([lane.left.stations, lane.right.stations, [lane.end]]))
+    s = s[(s >= lane.start) & (s <= lane.end)]
+    widths = lane.left(s) - lane.right(s)
+    return float(np.interp(-width, -widths, s))
 
 
 def _gores(lanes: list[OpenLane], start: float, end: float) -> tuple[OpenLane, ...]:
@@ -103,7 +117,7 @@ def _cuts(layout: WorkZoneLayout) -> FloatArray:
     """Stations where a lane begins, ends, bends or has changed its width by a step."""
     breaks = {0.0, layout.road.length}
     for lane in layout.lanes:
-        s = np.unique(np.concatenate([lane.right.stations, lane.left.stations, [lane.start, passable_end(lane), lane.end]]))
+        s = np.unique(np.concatenate([lane.right.stations, lane.left.stations, [lane.start, passable_end(lane), rest_end(lane), lane.end]]))
         s = s[(s >= lane.start) & (s <= lane.end) & (s > 0) & (s < layout.road.length)]
         breaks.update(s.tolist())
     stations = np.array(sorted(breaks))
