@@ -36,7 +36,8 @@ LAST_CHANGE_AHEAD_M = 100.0  # of closed lanes between two open ones: what is be
 REST_WIDTH_M = 0.1  # of a closed lane past its end and of a gore, of which nothing but their being there matters
 NOBODY = "custom1"  # SUMO's vehicle class that no vehicle type here has
 LONGEST_M = 12.0  # a truck
-LINE_MARGIN_M = 0.2  # SUMO lets a vehicle touch its lane's line, and a 12 m truck cuts a kink of 1:30 by 0.1 m
+LINE_MARGIN_M = 0.2  # SUMO lets a vehicle touch its lane's line, and a truck cuts a kink by
+KINK_CUT_M = 0.1  # where the lane turns by 1:30, which the margin on either side is for
 _NETCONVERT_OPTIONS = (
     # The default junction radius of 4 m moves nodes and cuts lanes; normalising moves the whole net (SUMO 1.28).
     "--no-turnarounds", "--offset.disable-normalization", "--precision", "4", "--default.junctions.radius", "0.1",
@@ -97,9 +98,10 @@ def _edge_list(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Element:
             root, "edge", {"id": edge.id, "from": first, "to": last}, speed=speed, numLanes=str(len(edge.lanes)),
             spreadType="center", length=f"{edge.end - edge.start:.4f}",
         )  # fmt: skip
-        margin = LINE_MARGIN_M + 2 * _cut_on_bends(layout, edge)
+        on_bends = _cut_on_bends(layout, edge)
         for index, lane in enumerate(edge.lanes):
             shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _centre_line(layout, lane, edge))
+            margin = LINE_MARGIN_M + 2 * (on_bends + max(_cut_at_kinks(lane, edge) - KINK_CUT_M, 0.0))
             attributes = {"index": str(index), "width": f"{_width_on(lane, edge, margin=margin):.3f}", "shape": shape}
             if lane in edge.gores:
                 attributes["allow"] = NOBODY
@@ -155,6 +157,14 @@ def _cut_on_bends(layout: WorkZoneLayout, edge: Edge) -> float:
     s = np.linspace(max(edge.start, half), min(edge.end, layout.road.length - half), 9)
     back, middle, front = (layout.road.to_xy(s + ahead, layout.road.travelled_width / 2) for ahead in (-half, 0.0, half))
     return float(np.linalg.norm(middle - (back + front) / 2, axis=1).max())
+
+
+def _cut_at_kinks(lane: OpenLane, edge: Edge) -> float:
+    """How far [m] the middle of the longest vehicle lies beside a lane's middle that its ends follow, on a straight road."""
+    half = LONGEST_M / 2
+    s = np.linspace(edge.start, edge.end, 9) + np.array([[-half], [0.0], [half]])
+    back, middle, front = (lane.left(s) + lane.right(s)) / 2
+    return float(np.abs(middle - (back + front) / 2).max())
 
 
 def _is_closing(lane: OpenLane, edge: Edge) -> bool:
