@@ -51,7 +51,7 @@ class _Rest:
 
 _TWO_INTO_ONE = _Rest(car_s=0.88, accel_mps2=0.9)
 _MORE_INTO_ONE = _Rest(car_s=1.03, accel_mps2=0.65)
-_INTO_MORE = _Rest(car_s=1.20, accel_mps2=0.5, truck_accel_mps2=0.5)
+_INTO_MORE = _Rest(car_s=1.14, accel_mps2=0.5, truck_accel_mps2=0.5)
 _TRUCK_REST_S = 1.22  # fitted in one class, 2-to-1 urban, ibid.
 
 
