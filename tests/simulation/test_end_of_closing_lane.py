@@ -13,7 +13,7 @@ from wzsumo.simulation.network import write_network
 from wzsumo.units import METRES_PER_FOOT
 
 HALF_OVER_M = 1.6  # from the middle of the open lane: a car 1.85 m wide then reaches 0.7 m over the line
-SIZES = {"car": (4.8, 1.85), "truck": (12.0, 2.5)}  # m
+LENGTH_M, WIDTH_M = 4.8, 1.85
 
 
 def closing_layout(closed, shoulder):
@@ -51,33 +51,37 @@ def test_car_half_over_the_line_at_the_end_of_its_lane_goes_on_though_somebody_s
     assert merging["lane"].iloc[0] != merging["lane"].iloc[-1]
 
 
-def outlines_of_two_abreast(layout, folder, *, kind):
-    """Of a vehicle half over the line of the closing left lane, beside a platoon that leaves it no room, to beyond the taper."""
+def outlines_of_one_half_over(layout, folder):
+    """Of a car half over the line of the closing left lane, past a row of cars that stand and leave it no room in theirs."""
     net, edges = write_network(layout, folder), edges_of(layout)
-    first = next(number for number, edge in enumerate(edges) if len(edge.through) < len(edge.lanes))
-    length, width = SIZES[kind]
-    at = 'route="on" depart="0" insertionChecks="none" departLane="1" departSpeed="9"'
-    platoon = "".join(f'<vehicle id="beside_{n}" type="car" {at} departPos="{30 - 6 * n}" departPosLat="-0.8"/>' for n in range(5))
+    narrow = next(number for number, edge in enumerate(edges) if len(edge.through) < len(edge.lanes))
+    reach = edges[narrow].end - edges[narrow].start
+    ids, size = [edge.id for edge in edges], f'length="{LENGTH_M}" width="{WIDTH_M}"'
+    at = 'depart="0" insertionChecks="none" departLane="1"'
+    row = "".join(
+        f'<vehicle id="stands_{n}" type="stands" route="row" {at} departPos="{place:.1f}" departPosLat="-0.8" departSpeed="0"/>'
+        for n, place in enumerate(np.arange(5.0, reach, 5.0))
+    )
     rows = driven(
         net,
-        f'<vType id="car" length="4.8" width="1.85" maxSpeed="9" latAlignment="-0.8" sigma="0" tau="0.1"/>'
-        f'<vType id="half" length="{length}" width="{width}" sigma="0"/>'
-        f'<route id="on" edges="{" ".join(edge.id for edge in edges[first:])}"/>'
-        f'<vehicle id="half" type="half" {at} departPos="20" departPosLat="{HALF_OVER_M - 0.3}"/>{platoon}',
+        f'<vType id="stands" {size} maxSpeed="0.01"/><vType id="half" {size}/>'
+        f'<route id="row" edges="{" ".join(ids[narrow:])}"/><route id="on" edges="{" ".join(ids[narrow - 1 :])}"/>'
+        f'<vehicle id="half" type="half" route="on" {at} departPos="1" departPosLat="{HALF_OVER_M}" departSpeed="5"/>{row}',
         folder,
     )
     rows = rows[rows["id"] == "half"]
     bumper = np.column_stack([rows["x"], rows["y"], heading_from_sumo_angle(rows["angle"])])
-    x, y, heading = advance(bumper, -length / 2).T
-    return vehicle_outlines(pd.DataFrame({"x_m": x, "y_m": y, "heading_rad": heading, "length_m": length, "width_m": width}))
+    x, y, heading = advance(bumper, -LENGTH_M / 2).T
+    places = {"x_m": x, "y_m": y, "heading_rad": heading, "length_m": LENGTH_M, "width_m": WIDTH_M}
+    return vehicle_outlines(pd.DataFrame(places))
 
 
-@pytest.mark.parametrize("kind", SIZES)
-def test_driver_whom_a_platoon_keeps_over_the_line_of_a_closing_lane_does_not_reach_over_the_devices(tmp_path, kind):
+def test_driver_who_finds_no_room_beside_him_waits_over_the_line_of_a_closing_lane_before_he_reaches_the_devices(tmp_path):
     layout = closing_layout((2,), "left")
-    outlines = outlines_of_two_abreast(layout, tmp_path, kind=kind)
-    assert outlines[0].bounds[3] > 24 * METRES_PER_FOOT + 0.3  # over the line between lanes 1 and 2
-    assert shapely.bounds(outlines)[:, 2].max() > layout.area("activity area").start  # it came past
+    outlines = outlines_of_one_half_over(layout, tmp_path)
+    over_the_line_m = shapely.bounds(outlines)[:, 3] - 24 * METRES_PER_FOOT
+    assert over_the_line_m.min() > 0.4
+    assert shapely.bounds(outlines)[-1, 2] > layout.area("merging taper").start + 0.6 * layout.area("merging taper").length
     assert not shapely.intersects(layout.closed_area, outlines).any()
 
 

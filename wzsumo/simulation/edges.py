@@ -18,9 +18,8 @@ from wzsumo.work_zone import OpenLane, WorkZoneLayout
 # sixth more time in the paper's zone and brings hardly fewer jumps: of 56,000 steps 54 instead of 65 are above 0.2 m (seed 22).
 MAX_WIDTH_STEP_M = 0.2
 MERGE_END_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is as narrow as this: a car just fits
-# The rest of a closing lane past that ends where half a truck fits beside the line. Who is half over the line goes on there and
-# comes in; if he finds no room beside him, SUMO stops him where the rest ends: there nobody whose middle is in the open lane reaches
-# the devices yet.
+# The rest of a closing lane past that ends where half a truck still fits in. Who is half over the line goes on there and comes
+# in; who finds no room beside him is stopped by SUMO at its end, where nobody with his middle in the open lane reaches devices.
 REST_END_WIDTH_M = 1.25
 SAME_STATION_M = 0.01
 
@@ -85,7 +84,6 @@ def rest_end(lane: OpenLane) -> float:
     return _narrowed_to(REST_END_WIDTH_M, lane)
 
 
-
 def width_at(lane: OpenLane, s: float) -> float:
     """Width [m] of a lane at a station, square to the road."""
     return float(lane.left(s) - lane.right(s))
@@ -117,7 +115,8 @@ def _cuts(layout: WorkZoneLayout) -> FloatArray:
     """Stations where a lane begins, ends, bends or has changed its width by a step."""
     breaks = {0.0, layout.road.length}
     for lane in layout.lanes:
-        s = np.unique(np.concatenate([lane.right.stations, lane.left.stations, [lane.start, passable_end(lane), rest_end(lane), lane.end]]))
+        ends = [lane.start, passable_end(lane), rest_end(lane), lane.end]
+        s = np.unique(np.concatenate([lane.right.stations, lane.left.stations, ends]))
         s = s[(s >= lane.start) & (s <= lane.end) & (s > 0) & (s < layout.road.length)]
         breaks.update(s.tolist())
     stations = np.array(sorted(breaks))
