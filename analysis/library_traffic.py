@@ -1,6 +1,6 @@
 """The traffic of every zone of the library, one run each: who touches a device or another vehicle, and where drivers merge.
 
-    python analysis/library_traffic.py --seed 81 [--scenarios paper right_lane]
+    python analysis/library_traffic.py --seed 81 [--scenarios paper right_lane] [--times 3]
 
 Prints a Markdown table. Contact and closed areas are from outlines at every step. SUMO's own collisions (bumper to bumper, its
 minimum gap left out) and teleports are from a second run of the same files. The CPU seconds of the files are those of network,
@@ -31,17 +31,22 @@ HEADINGS = (
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=81)
+    parser.add_argument(
+        "--times", type=float, default=1.0, help="of the scenarios' own demand (1); 3: a queue wherever a lane closes"
+    )
     parser.add_argument("--scenarios", nargs="+", default=sorted(path.stem for path in LIBRARY.glob("*.toml")))
     args = parser.parse_args()
     print("| " + " | ".join(HEADINGS) + " |\n" + "|---" * len(HEADINGS) + "|")
     for name in args.scenarios:
-        print("| " + " | ".join(row_of(name, seed=args.seed)) + " |", flush=True)
+        print("| " + " | ".join(row_of(name, seed=args.seed, times=args.times)) + " |", flush=True)
 
 
-def row_of(name: str, *, seed: int) -> list[str]:
-    """The cells of one zone, in the order of HEADINGS."""
+def row_of(name: str, *, seed: int, times: float) -> list[str]:
+    """The cells of one zone, in the order of HEADINGS; with so many `times` its scenario's demand."""
     scenario = load_scenario(LIBRARY / f"{name}.toml", seed=seed)
     layout, simulation = scenario.layout(), scenario.zone_simulation()
+    demand = simulation.demand.model_copy(update={"flow_vph": times * simulation.demand.flow_vph})
+    simulation = simulation.model_copy(update={"demand": demand})
     with tempfile.TemporaryDirectory() as folder:
         began = cpu_seconds()
         files = write_sumo_files(layout, Path(folder), spec=simulation, seed=seed)
