@@ -3,8 +3,11 @@
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from builders import vehicle_outlines
 
+from wzsumo.frames import advance, heading_from_sumo_angle
 from wzsumo.simulation.installation import sumo_binary
 
 OPTIONS = "--step-length 0.1 --lateral-resolution 0.45 --end 30 --xml-validation never --collision.action none --no-step-log"
@@ -18,3 +21,10 @@ def driven(net: Path, content: str, folder: Path) -> pd.DataFrame:
     subprocess.run([str(sumo_binary("sumo")), *files, *OPTIONS.split()], check=True, capture_output=True)
     rows = pd.read_csv(fcd, sep=";")
     return rows.rename(columns=lambda name: name.split("_", 1)[1])
+
+
+def outlines_in(rows: pd.DataFrame, *, length: float, width: float):
+    """Rectangles (n,) of a vehicle of that size [m] in rows of `driven`."""
+    bumper = np.column_stack([rows["x"], rows["y"], heading_from_sumo_angle(rows["angle"])])
+    x, y, heading = advance(bumper, -length / 2).T
+    return vehicle_outlines(pd.DataFrame({"x_m": x, "y_m": y, "heading_rad": heading, "length_m": length, "width_m": width}))

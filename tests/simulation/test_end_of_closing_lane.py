@@ -1,11 +1,9 @@
 import numpy as np
-import pandas as pd
 import pytest
 import shapely
-from builders import paper_layout, paper_work_zone, vehicle_outlines
-from sumo_runs import driven
+from builders import paper_layout, paper_work_zone
+from sumo_runs import driven, outlines_in
 
-from wzsumo.frames import advance, heading_from_sumo_angle
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.road import RoadSpec
 from wzsumo.simulation.edges import edges_of
@@ -69,11 +67,7 @@ def outlines_of_one_half_over(layout, folder):
         f'<vehicle id="half" type="half" route="on" {at} departPos="1" departPosLat="{HALF_OVER_M}" departSpeed="5"/>{row}',
         folder,
     )
-    rows = rows[rows["id"] == "half"]
-    bumper = np.column_stack([rows["x"], rows["y"], heading_from_sumo_angle(rows["angle"])])
-    x, y, heading = advance(bumper, -LENGTH_M / 2).T
-    places = {"x_m": x, "y_m": y, "heading_rad": heading, "length_m": LENGTH_M, "width_m": WIDTH_M}
-    return vehicle_outlines(pd.DataFrame(places))
+    return outlines_in(rows[rows["id"] == "half"], length=LENGTH_M, width=WIDTH_M)
 
 
 def test_driver_who_finds_no_room_beside_him_waits_over_the_line_of_a_closing_lane_before_he_reaches_the_devices(tmp_path):

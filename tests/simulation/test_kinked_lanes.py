@@ -1,14 +1,12 @@
-import numpy as np
-import pandas as pd
 import pytest
 import shapely
-from builders import two_lane_road, vehicle_outlines
-from sumo_runs import driven
+from builders import two_lane_road
+from sumo_runs import driven, outlines_in
 
-from wzsumo.frames import advance, heading_from_sumo_angle
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.network import write_network
+from wzsumo.units import METRES_PER_FOOT
 from wzsumo.work_zone import WorkZone
 
 TRUCK_M, TRUCK_WIDTH_M = 12.0, 2.5
@@ -29,10 +27,7 @@ def test_truck_that_keeps_to_one_side_of_a_lane_that_turns_by_one_in_ten_cuts_no
         '<vehicle id="truck" type="truck" route="on" depart="0" departPos="130" departPosLat="center" departSpeed="15"/>',
         tmp_path,
     )
-    bumper = np.column_stack([rows["x"], rows["y"], heading_from_sumo_angle(rows["angle"])])
-    x, y, heading = advance(bumper, -TRUCK_M / 2).T
-    places = {"x_m": x, "y_m": y, "heading_rad": heading, "length_m": TRUCK_M, "width_m": TRUCK_WIDTH_M}
-    outlines = vehicle_outlines(pd.DataFrame(places))
+    outlines = outlines_in(rows, length=TRUCK_M, width=TRUCK_WIDTH_M)
     assert shapely.bounds(outlines)[-1, 0] > layout.end
-    assert np.abs(y - 1.83).max() > 3  # over to the other direction's lane
+    assert shapely.bounds(outlines)[:, 1].max() > 12 * METRES_PER_FOOT  # over to the other direction's lane
     assert not shapely.intersects(layout.closed_area, outlines).any()

@@ -1,13 +1,10 @@
 from xml.etree import ElementTree as ET
 
-import numpy as np
-import pandas as pd
 import pytest
 import shapely
-from builders import paper_layout, paper_road, paper_work_zone, vehicle_outlines
-from sumo_runs import driven
+from builders import paper_layout, paper_road, paper_work_zone
+from sumo_runs import driven, outlines_in
 
-from wzsumo.frames import advance, heading_from_sumo_angle
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import KEEPS_TO_A_LANE, DemandSpec, write_demand
 from wzsumo.simulation.edges import edges_of
@@ -53,15 +50,11 @@ def traces_of_one_half_over(folder, *, lane, others):
 @pytest.mark.parametrize("others", [(0,), (8,), (0, 10, 20, -10, -20)], ids=["beside him", "ahead of him", "a platoon"])
 def test_driver_half_over_the_line_falls_back_into_his_lane_before_the_nose_and_never_stands(tmp_path, lane, others):
     rows = traces_of_one_half_over(tmp_path, lane=lane, others=others)
-    bumper = np.column_stack([rows["x"], rows["y"], heading_from_sumo_angle(rows["angle"])])
-    centre = advance(bumper, -4.8 / 2)
-    traces = pd.DataFrame(
-        {"x_m": centre[:, 0], "y_m": centre[:, 1], "heading_rad": centre[:, 2], "length_m": 4.8, "width_m": 1.85}
-    )
-    station, _ = LAYOUT.road.to_sd(centre[:, :2])
+    outlines = outlines_in(rows, length=4.8, width=1.85)
+    station = shapely.get_x(shapely.centroid(outlines))  # the road runs along +x
     assert station[0] < NOSE - 100
     assert station[-1] > LAYOUT.area("activity area").start
-    assert not shapely.intersects(LAYOUT.closed_area, vehicle_outlines(traces)).any()
+    assert not shapely.intersects(LAYOUT.closed_area, outlines).any()
     assert rows["speed"].min() > 5
 
 
