@@ -8,7 +8,7 @@ import pandas as pd
 from builders import vehicle_outlines
 
 from wzsumo.frames import advance, heading_from_sumo_angle
-from wzsumo.simulation.installation import sumo_binary
+from wzsumo.simulation.connection import sumo_binary
 
 OPTIONS = "--step-length 0.1 --lateral-resolution 0.45 --end 30 --xml-validation never --collision.action none --no-step-log"
 

@@ -3,10 +3,10 @@
 import numpy as np
 from builders import paper_layout
 
+from wzsumo.behaviour.way import Way, route_along
 from wzsumo.ego import EgoState
 from wzsumo.path import ReferencePath
-from wzsumo.simulation.traffic import Traffic
-from wzsumo.study.way import Way, route_along
+from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()

@@ -12,16 +12,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wzsumo.api import build_map, plan, run_case
     from wzsumo.ego import EgoRun, Outcome
     from wzsumo.errors import InputError
-    from wzsumo.grid import OccupancyGrid, blank_grid, read_map, write_map
+    from wzsumo.files.ros_map import read_map, write_map
+    from wzsumo.files.traces import read_traces
+    from wzsumo.grid import OccupancyGrid, blank_grid
     from wzsumo.path import ReferencePath
+    from wzsumo.planning.plan import Plan, PlanStatus
+    from wzsumo.planning.planner_spec import PlannerSpec
     from wzsumo.road import Road, RoadSpec
-    from wzsumo.study.interface import build_map, plan, run_case
-    from wzsumo.study.results import read_results
-    from wzsumo.study.scenario import Scenario, load_scenario
-    from wzsumo.study.summary import compare, summarise
-    from wzsumo.traces_file import read_traces
+    from wzsumo.scenario.scenario import Scenario, load_scenario
+    from wzsumo.sweep.results import read_results
+    from wzsumo.sweep.summary import compare, summarise
     from wzsumo.vehicle import VehicleGeometry
     from wzsumo.work_zone import WorkZone, WorkZoneLayout
 
@@ -31,6 +34,9 @@ __all__ = [
     "InputError",
     "OccupancyGrid",
     "Outcome",
+    "Plan",
+    "PlanStatus",
+    "PlannerSpec",
     "ReferencePath",
     "Road",
     "RoadSpec",
@@ -51,16 +57,19 @@ __all__ = [
     "write_map",
 ]
 _HOMES = {
+    "api": ("build_map", "plan", "run_case"),
     "ego": ("EgoRun", "Outcome"),
     "errors": ("InputError",),
-    "grid": ("OccupancyGrid", "blank_grid", "read_map", "write_map"),
+    "files.ros_map": ("read_map", "write_map"),
+    "files.traces": ("read_traces",),
+    "grid": ("OccupancyGrid", "blank_grid"),
     "path": ("ReferencePath",),
+    "planning.plan": ("Plan", "PlanStatus"),
+    "planning.planner_spec": ("PlannerSpec",),
     "road": ("Road", "RoadSpec"),
-    "study.interface": ("build_map", "plan", "run_case"),
-    "study.results": ("read_results",),
-    "study.scenario": ("Scenario", "load_scenario"),
-    "study.summary": ("compare", "summarise"),
-    "traces_file": ("read_traces",),
+    "scenario.scenario": ("Scenario", "load_scenario"),
+    "sweep.results": ("read_results",),
+    "sweep.summary": ("compare", "summarise"),
     "vehicle": ("VehicleGeometry",),
     "work_zone": ("WorkZone", "WorkZoneLayout"),
 }

@@ -80,10 +80,13 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
 def _run(args: argparse.Namespace) -> dict[str, Any]:
     if args.command == "plan":
-        from wzsumo.study.plan_verb import plan_on_map
+        from wzsumo.commands.plan import plan_on_map
 
         return plan_on_map(args.map, args.out, start=args.start, goal=args.goal, speed_mps=args.speed_mps)
-    from wzsumo.study import cloud_verbs, sweep_verbs, verbs
+    from wzsumo.commands import clouds as cloud_verbs
+    from wzsumo.commands import scenario as verbs
+    from wzsumo.commands import sweep as sweep_verbs
+    from wzsumo.commands import warm
 
     carry_out: dict[str, Callable[[], dict[str, Any]]] = {
         "layout": lambda: verbs.lay_out_scenario(args.scenario, args.out),
@@ -99,13 +102,13 @@ def _run(args: argparse.Namespace) -> dict[str, Any]:
         "report": lambda: verbs.report_again(args.folder),
         "ground": lambda: cloud_verbs.label_ground(args.cloud, args.out, parameters=_given(args, SMRF_OPTIONS)),
         "register": lambda: cloud_verbs.register_clouds(args.source, args.target, args.out),
-        "warm": verbs.warm_up,
+        "warm": warm.warm_up,
     }
     return carry_out[args.command]()
 
 
 def _run_scenario_or_case(args: argparse.Namespace) -> dict[str, Any]:
-    from wzsumo.study import verbs
+    from wzsumo.commands import scenario as verbs
 
     if args.case is None:
         return verbs.run_scenario(args.scenario, args.out, seed=args.seed, methods=args.method, in_window=args.gui)

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from math import isfinite
 
 import numpy as np
 import pandas as pd
 
+from wzsumo.errors import InputError
 from wzsumo.frames import FloatArray
 
 
@@ -77,3 +79,16 @@ class EgoRun:
     def poses(self) -> FloatArray:
         """Driven poses (n, 3) of the rear axle."""
         return self.log[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leader:
+    """The vehicle ahead on the ego's way."""
+
+    gap_m: float  # front bumper of the ego to rear bumper of the leader; 0 or less: they touch
+    speed_mps: float  # along the ego's way
+    acceleration_mps2: float = 0.0  # where it is not known, the leader is taken to keep its speed
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.gap_m) and isfinite(self.speed_mps) and isfinite(self.acceleration_mps2)):
+            raise InputError(f"{self} must have finite numbers; give None where there is no leader")

@@ -52,3 +52,21 @@ class MotionReadings:
     attitude: FloatArray  # (n, 2) [rad]
     gnss_time_s: FloatArray  # (m,)
     gnss: FloatArray  # (m, 3) [m]
+
+
+def check_cloud(points: npt.ArrayLike, *, source: str, at_least: int = 1) -> FloatArray:
+    """The points (n, 3) [m] as contiguous float64. Raises CloudError naming `source` at the first fault."""
+    if np.asarray(points).dtype.kind not in "iuf":
+        raise CloudError(f"{source}: not a table of real numbers; a cloud is (n, 3): x, y, z in metres")
+    cloud = np.ascontiguousarray(points, dtype=np.float64)
+    if cloud.ndim != 2 or cloud.shape[1] != 3:
+        raise CloudError(f"{source}: an array of shape {cloud.shape} is not a cloud; give (n, 3): x, y, z in metres")
+    if len(cloud) < at_least:
+        raise CloudError(f"{source}: {len(cloud)} point(s); at least {at_least} needed")
+    if not np.isfinite(cloud).all():
+        bad = np.flatnonzero(~np.isfinite(cloud).all(axis=1))
+        raise CloudError(
+            f"{source}: point {bad[0]} is {cloud[bad[0]].tolist()}; every coordinate must be finite "
+            f"({bad.size} of {len(cloud)} points are not; drop them)"
+        )
+    return cloud

@@ -24,7 +24,7 @@ from wzsumo.vehicle import VehicleGeometry
 CAR = VehicleGeometry()
 DT = 0.05
 LATE = {"steering_lag_s": 0.2, "command_delay_s": 0.1, "max_steering_rate_radps": 0.4}
-PAPER = ControlSpec(lateral="paper", longitudinal="paper", car_following="none")
+PAPER = ControlSpec(lateral="paper", longitudinal="paper")
 
 
 def work_zone_path() -> ReferencePath:
@@ -54,7 +54,7 @@ PATHS = {"work zone": work_zone_path(), "R 300 m": curved_path()}
 
 def regulated(plant: PlantSpec, speed: float, *, aware: bool = True, **rules: float) -> ControlSpec:
     """The regulated law, aware of the plant's slip or not."""
-    spec = ControlSpec.model_validate({"target_speed_mps": speed, "car_following": "none", "regulated": rules})
+    spec = ControlSpec.model_validate({"target_speed_mps": speed, "regulated": rules})
     return allow_for_slip(spec, plant=plant) if aware else spec
 
 
@@ -69,9 +69,9 @@ def drive(
     for _ in range(int(seconds / DT)):
         x, y = (state.x, state.y) + noise_m * rng.standard_normal(2)
         seen = EgoState(x=x, y=y, heading=state.heading, speed=state.speed, steering=state.steering)
-        command = controller.command(seen, dt=DT, leader=None)
+        command = controller.command(seen, dt=DT)
         if noise_m:
-            truth.command(state, dt=DT, leader=None)
+            truth.command(state, dt=DT)
         error = truth.cross_track_m if noise_m else controller.cross_track_m
         rows.append((error, state.steering, state.speed, command.throttle - command.brake, controller.station_m))
         if controller.reached_end or abs(error) > 10:
@@ -194,7 +194,7 @@ def cost() -> None:
     print("\none step of 0.05 s                      median us (n = 11 x 300)")
     for name, control in (("controller, paper", PAPER), ("controller, regulated", ControlSpec())):
         controller = Controller(PATHS["work zone"], CAR, control)
-        print(f"{name:38} {median_us(lambda c=controller: c.command(state, dt=DT, leader=None)):8.1f}")
+        print(f"{name:38} {median_us(lambda c=controller: c.command(state, dt=DT)):8.1f}")
     for body in ("kinematic", "single_track"):
         plant = PlantSpec.model_validate({"body": body, **LATE})
         moving = advance_ego(state, push, dt=DT, vehicle=CAR, spec=plant)

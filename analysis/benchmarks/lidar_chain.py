@@ -12,14 +12,14 @@ import tempfile
 import time
 from pathlib import Path
 
+from wzsumo.case.lidar_baseline import map_by_lidar
 from wzsumo.lidar_mapping import slam_map
+from wzsumo.scenario.scenario import load_scenario
+from wzsumo.scenario.sections import SlamSpec
+from wzsumo.scenario.site import prepare_site
 from wzsumo.sensing import raycast
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
-from wzsumo.study.lidar_baseline import map_by_lidar
-from wzsumo.study.scenario import load_scenario
-from wzsumo.study.site import prepare_site
-from wzsumo.study.slam_spec import SlamSpec
 
 PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 

@@ -12,10 +12,10 @@ import warnings
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from wzsumo.crowd_mapping.expectation_maximisation import Components, run_em, to_block_axes
-from wzsumo.crowd_mapping.mixture import compile_kernels, fit_mixture
-from wzsumo.crowd_mapping.point_blocks import block_points
-from wzsumo.crowd_mapping.selection import sweep_mixtures
+from wzsumo.crowd_mapping.mixture.expectation_maximisation import Components, run_em, to_block_axes
+from wzsumo.crowd_mapping.mixture.mixture import compile_kernels, fit_mixture
+from wzsumo.crowd_mapping.mixture.point_blocks import block_points
+from wzsumo.crowd_mapping.mixture.selection import sweep_mixtures
 
 ITERATIONS = 10
 

@@ -28,7 +28,8 @@ from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.distance_field import distance_field
 from wzsumo.planning.footprint import outline_body
 from wzsumo.planning.heuristic import cost_to_go
-from wzsumo.planning.plan import PlannerSpec, compile_kernels, plan_from, plan_path, prepare
+from wzsumo.planning.plan import compile_kernels, plan_from, plan_path, prepare
+from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()

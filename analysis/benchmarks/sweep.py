@@ -25,15 +25,14 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 import numpy as np
 
+from wzsumo.case.crowd import learn_from, reported_traces
+from wzsumo.case.map_and_plan import map_of_zone, plan_for
+from wzsumo.scenario.site import prepare_site
+from wzsumo.simulation.connection import sumo_binary
 from wzsumo.simulation.files import write_sumo_files
-from wzsumo.simulation.installation import sumo_binary
-from wzsumo.study.crowd_traces import reported_traces
-from wzsumo.study.map_and_plan import map_of_zone, plan_for
-from wzsumo.study.mapping_methods import learn_from
-from wzsumo.study.site import prepare_site
-from wzsumo.study.study_case import StudyCase
-from wzsumo.study.study_file import Study, load_study
-from wzsumo.study.sweep_tasks import read_simulated, simulate
+from wzsumo.sweep.study_case import StudyCase
+from wzsumo.sweep.study_file import Study, load_study
+from wzsumo.sweep.tasks import read_simulated, simulate
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 STUDY = """

@@ -15,12 +15,12 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from wzsumo.scenario.scenario import load_scenario
+from wzsumo.simulation.connection import sumo_binary
 from wzsumo.simulation.files import SumoFiles, write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
-from wzsumo.simulation.installation import sumo_binary
 from wzsumo.simulation.session import running
 from wzsumo.simulation.trips import TRIP_OPTIONS
-from wzsumo.study.scenario import load_scenario
 
 SEED = 21
 

@@ -8,7 +8,8 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from PIL import Image
 
 from wzsumo.errors import MapError
-from wzsumo.grid import OccupancyGrid, blank_grid, cells_inside, read_map, write_map
+from wzsumo.files.ros_map import read_map, write_map
+from wzsumo.grid import OccupancyGrid, blank_grid, cells_inside
 
 SIDES = array_shapes(min_dims=2, max_dims=2, min_side=1, max_side=12)
 MAPS = arrays(np.float32, SIDES, elements=st.floats(0, 1, width=32))

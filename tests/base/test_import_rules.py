@@ -1,8 +1,10 @@
-"""Imports run one way: cli -> study -> stages -> nouns -> base; everything but simulation/ and study/ works without SUMO."""
+"""Imports run down the floors of the house; SUMO is loaded where it is used, and nowhere on the way to a map or a plan."""
 
 import ast
 import subprocess
 import sys
+from collections import Counter
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -10,10 +12,26 @@ import pytest
 import wzsumo
 
 PACKAGE = Path(wzsumo.__file__).parent
-BASE = {"cloud", "rigid", "errors", "output", "units", "frames", "tables", "spec"}
-NOUNS = {"capacity", "scan", "traces_file", "road", "road_projection", "work_zone", "vehicle", "grid", "path", "ego"}
-ENTRY = {"cli", "__main__"}
-STAGES = {folder.name for folder in PACKAGE.iterdir() if (folder / "__init__.py").exists()} - {"study"}
+# The floors of the house, from the top. A module imports from its own folder and from lower floors; the stages share a floor
+# and import none of each other, as do `case`, `live` and `placement`.
+FLOORS = (
+    ({"cli", "__main__", "commands"}, "one house"),
+    ({"api"}, "one house"),
+    ({"report", "figures"}, "one house"),
+    ({"sweep"}, "one house"),
+    ({"case", "live", "placement"}, "apart"),
+    ({"scenario"}, "one house"),
+    (
+        {"mutcd", "simulation", "sensing", "crowd_mapping", "lidar_mapping", "planning", "behaviour", "control", "metrics",
+         "roads", "feeds", "files"},
+        "apart",
+    ),
+    (
+        {"capacity", "ego", "grid", "path", "road", "road_projection", "scan", "tapers", "traffic", "vehicle", "work_zone"},
+        "one house",
+    ),
+    ({"errors", "frames", "rigid", "spec", "tables", "units"}, "one house"),
+)  # fmt: skip
 SUMO_PACKAGES = {"libsumo", "traci", "sumo", "sumolib"}
 FILES = sorted(PACKAGE.rglob("*.py"))
 
@@ -41,27 +59,39 @@ def part_of(module):
     return names[1] if names[0] == "wzsumo" and len(names) > 1 else None
 
 
+def floor_of(part):
+    (floor,) = [number for number, (parts, _) in enumerate(FLOORS) if part in parts] or [None]
+    assert floor is not None, f"wzsumo.{part} is on no floor of the house: give it a place in FLOORS"
+    return floor
+
+
 def allowed_from(part):
-    if part in BASE:
-        return BASE
-    if part in NOUNS:
-        return BASE | NOUNS
-    if part in STAGES:
-        return BASE | NOUNS | {part}
-    if part == "study":
-        return BASE | NOUNS | STAGES | {"study"}
-    assert part in ENTRY, f"wzsumo.{part} is neither base, noun, stage, study nor entry: give it a place"
-    return BASE | NOUNS | STAGES | ENTRY | {"study"}
+    floor = floor_of(part)
+    parts, together = FLOORS[floor]
+    below = set().union(*(lower for lower, _ in FLOORS[floor + 1 :]))
+    return below | (parts if together == "one house" else {part})
 
 
 def modules_of_ours(path):
-    known = BASE | NOUNS | STAGES | ENTRY | {"study"}
-    return {part for module in imports_of(path) if (part := part_of(module)) in known or part == "study"}
+    known = set().union(*(parts for parts, _ in FLOORS))
+    return {part for module in imports_of(path) if (part := part_of(module)) in known}
 
 
 @pytest.mark.parametrize("path", [p for p in FILES if part_of(module_name(p))], ids=module_name)
-def test_module_imports_only_from_layers_below_it(path):
+def test_module_imports_only_from_its_own_folder_and_from_lower_floors(path):
     assert modules_of_ours(path) <= allowed_from(part_of(module_name(path)))
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    names = {module_name(path) for path in FILES}
+    graph = {module_name(path): {module for module in imports_of(path) if module in names} for path in FILES}
+    graph["wzsumo"] = set()  # its names are loaded when they are first used
+    assert list(TopologicalSorter(graph).static_order())
+
+
+def test_no_folder_holds_more_than_one_idea():
+    sizes = Counter(path.parent.relative_to(PACKAGE).as_posix() for path in FILES if path.name != "__init__.py")
+    assert {folder: size for folder, size in sizes.items() if size > (20 if folder == "." else 16)} == {}
 
 
 def test_only_simulation_connection_imports_libsumo():
@@ -73,10 +103,8 @@ def run_python(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=PACKAGE.parent)
 
 
-def test_modules_outside_simulation_and_study_import_where_sumo_is_missing():
-    names = [
-        name for p in FILES if part_of(name := module_name(p)) not in {"simulation", "study"} and not name.endswith("__main__")
-    ]
+def test_modules_below_the_case_import_where_sumo_is_missing():
+    names = [name for p in FILES if (part := part_of(name := module_name(p))) and floor_of(part) > 4 and part != "simulation"]
     assert len(names) > 20
     done = run_python(f"""
 import importlib, sys

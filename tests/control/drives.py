@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wzsumo.behaviour.ceiling import AccelerationCeiling, Hindrance
 from wzsumo.control.controller import Controller
 from wzsumo.control.plant import advance_ego
 from wzsumo.ego import EgoState
@@ -49,13 +50,14 @@ def curved_road_path(radius_m=300.0, *, entry_m=80.0):
 
 def drive(path, control, plant, *, speed, dt=0.05, offset=0.0, leader=None, time_limit=200.0):
     """Columns of a drive from the path's start, `offset` to its left, until its end or the time limit."""
-    controller = Controller(path, CAR, control)
+    controller, following = Controller(path, CAR, control), AccelerationCeiling(control)
     x, y, heading = path.poses[0]
     state = EgoState(x=x - offset * np.sin(heading), y=y + offset * np.cos(heading), heading=heading, speed=speed)
     rows = []
     for k in range(int(time_limit / dt)):
         ahead = leader(k * dt, state) if leader else None
-        command = controller.command(state, dt=dt, leader=ahead)
+        ceiling = following.next(Hindrance(leader=ahead), speed=state.speed, dt=dt)
+        command = controller.command(state, dt=dt, ceiling=ceiling)
         rows.append(
             (
                 k * dt,

@@ -6,21 +6,21 @@ from control.drives import CAR, circle_path, curved_road_path, drive, straight_p
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wzsumo.control.car_following import Leader
-from wzsumo.control.controller import Controller, ControlSpec, allow_for_slip
+from wzsumo.control.controller import Controller, allow_for_slip
 from wzsumo.control.plant import PlantSpec
 from wzsumo.ego import EgoState
 from wzsumo.errors import InputError, SpecError
 from wzsumo.frames import advance, to_world
 from wzsumo.path import ReferencePath
+from wzsumo.scenario.sections import ControlSection
 
-PAPER = ControlSpec(lateral="paper", longitudinal="paper", car_following="none")
+PAPER = ControlSection(lateral="paper", longitudinal="paper")
 PATHS = {"work zone": work_zone_path(), "curves of 300 m": curved_road_path()}
 LATE = {"steering_lag_s": 0.2, "command_delay_s": 0.1, "max_steering_rate_radps": 0.4}
 
 
 def regulated(plant, *, speed):
-    return allow_for_slip(ControlSpec(target_speed_mps=speed), plant=plant)
+    return allow_for_slip(ControlSection(target_speed_mps=speed), plant=plant)
 
 
 @pytest.mark.parametrize("path", PATHS)
@@ -74,12 +74,12 @@ def test_paper_law_swings_out_from_beside_the_path_where_the_steering_turns_as_s
     }
     assert swings[None] == pytest.approx(0.2)
     assert swings[0.4] > 3.0
-    assert np.abs(drive(path, ControlSpec(), PlantSpec(**LATE), speed=10.0, offset=0.2)["cross_track"]).max() < 0.21
+    assert np.abs(drive(path, ControlSection(), PlantSpec(**LATE), speed=10.0, offset=0.2)["cross_track"]).max() < 0.21
 
 
 @pytest.mark.parametrize("radius", [60.0, -150.0])
 def test_steering_on_a_long_circle_settles_at_the_ackermann_angle(radius):
-    run = drive(circle_path(radius, turns=1.5), ControlSpec(), PlantSpec(**LATE), speed=10.0)
+    run = drive(circle_path(radius, turns=1.5), ControlSection(), PlantSpec(**LATE), speed=10.0)
     round_twice = run["station"] > 2 * np.pi * abs(radius)
     ahead_of_the_end = run["station"] < run["station"][-1] - 20
     steady = run["steering"][round_twice & ahead_of_the_end]
@@ -102,7 +102,7 @@ def test_speed_in_a_tight_bend_keeps_lateral_acceleration_at_its_limit():
     mean = (heading[1:] + heading[:-1]) / 2
     xy = np.vstack([[0, 0], step * np.cumsum(np.column_stack([np.cos(mean), np.sin(mean)]), axis=0)])
     path = ReferencePath(poses=np.column_stack([xy, heading]))
-    run = drive(path, ControlSpec(target_speed_mps=20.0), PlantSpec(**LATE), speed=20.0)
+    run = drive(path, ControlSection(target_speed_mps=20.0), PlantSpec(**LATE), speed=20.0)
     lateral = run["speed"] ** 2 * np.tan(np.abs(run["steering"])) / CAR.wheelbase_m
     assert lateral.max() < 2.0 * 1.02
     assert run["speed"].min() == pytest.approx(10.0, abs=0.6)  # the preview brings it there early
@@ -112,7 +112,7 @@ def test_speed_in_a_tight_bend_keeps_lateral_acceleration_at_its_limit():
 
 @pytest.mark.parametrize("speed", [10.0, 24.0])
 def test_stop_at_goal_ends_at_the_last_pose_in_standstill(speed):
-    control = ControlSpec(target_speed_mps=speed, regulated={"stop_at_goal": True})
+    control = ControlSection(target_speed_mps=speed, regulated={"stop_at_goal": True})
     run = drive(straight_path(500.0), control, PlantSpec(**LATE), speed=speed, time_limit=90)
     assert run["speed"][-1] < 0.5
     assert run["station"][-1] == pytest.approx(500.0, abs=0.3)
@@ -122,9 +122,9 @@ def test_stop_at_goal_ends_at_the_last_pose_in_standstill(speed):
 def test_limits_of_speed_along_the_path_are_kept():
     path = ReferencePath(poses=np.column_stack([np.arange(0, 601.0), np.zeros(601), np.zeros(601)]))
     limits = np.where((path.poses[:, 0] > 200) & (path.poses[:, 0] < 300), 6.0, 20.0)
-    controller = Controller(path, CAR, ControlSpec(target_speed_mps=15.0), speed_limits=limits)
-    slow = controller.command(EgoState(x=230.0, y=0, heading=0, speed=10.0), dt=0.05, leader=None)
-    fast = controller.command(EgoState(x=330.0, y=0, heading=0, speed=10.0), dt=0.05, leader=None)
+    controller = Controller(path, CAR, ControlSection(target_speed_mps=15.0), speed_limits=limits)
+    slow = controller.command(EgoState(x=230.0, y=0, heading=0, speed=10.0), dt=0.05)
+    fast = controller.command(EgoState(x=330.0, y=0, heading=0, speed=10.0), dt=0.05)
     assert slow.brake > 0 == slow.throttle
     assert fast.throttle > 0 == fast.brake
 
@@ -135,11 +135,11 @@ def test_limits_of_speed_along_the_path_are_kept():
         EgoState, x=st.floats(-20, 950), y=st.floats(-30, 30), heading=st.floats(-3.1, 3.1),
         speed=st.floats(0, 40), steering=st.floats(-0.6, 0.6),
     ),
-    leader=st.none() | st.builds(Leader, gap_m=st.floats(-1, 100), speed_mps=st.floats(0, 40)),
+    ceiling=st.just(math.inf) | st.just(-math.inf) | st.floats(-20, 20),
 )  # fmt: skip
-def test_a_command_is_within_the_cars_limits_wherever_the_car_is(lateral, longitudinal, state, leader):
-    controller = Controller(PATHS["work zone"], CAR, ControlSpec(lateral=lateral, longitudinal=longitudinal))
-    command = controller.command(state, dt=0.05, leader=leader)
+def test_a_command_is_within_the_cars_limits_wherever_the_car_is(lateral, longitudinal, state, ceiling):
+    controller = Controller(PATHS["work zone"], CAR, ControlSection(lateral=lateral, longitudinal=longitudinal))
+    command = controller.command(state, dt=0.05, ceiling=ceiling)
     assert 0 <= command.throttle <= 1
     assert 0 <= command.brake <= 1
     assert command.throttle == 0 or command.brake == 0
@@ -161,45 +161,45 @@ def test_a_command_does_not_depend_on_where_north_is(lateral, angle, beside, tur
     path = curved_road_path()
     commands = []
     for poses, pose in ((path.poses, here), (moved(path.poses), moved(here)[0])):
-        controller = Controller(ReferencePath(poses=poses), CAR, ControlSpec(lateral=lateral))
+        controller = Controller(ReferencePath(poses=poses), CAR, ControlSection(lateral=lateral))
         state = EgoState(x=pose[0], y=pose[1], heading=pose[2], speed=12.0)
-        commands.append(controller.command(state, dt=0.05, leader=None))
+        commands.append(controller.command(state, dt=0.05))
     assert commands[0].steering == pytest.approx(commands[1].steering, abs=1e-6)
     assert commands[0].throttle == pytest.approx(commands[1].throttle, abs=1e-9)
 
 
 def test_a_new_path_is_followed_from_where_the_car_is_with_the_memory_of_the_pid():
-    controller = Controller(straight_path(500.0), CAR, ControlSpec())
+    controller = Controller(straight_path(500.0), CAR, ControlSection())
     state = EgoState(x=100.0, y=0.0, heading=0.0, speed=9.0)
     for _ in range(50):
-        before = controller.command(state, dt=0.05, leader=None)
+        before = controller.command(state, dt=0.05)
     left = advance(straight_path(500.0).poses + np.array([0.0, 1.0, 0.0]), 50.0)
     controller.follow(ReferencePath(poses=left))
     assert not controller.reached_end
-    after = controller.command(state, dt=0.05, leader=None)
+    after = controller.command(state, dt=0.05)
     assert after.throttle == pytest.approx(before.throttle, abs=0.01)
     assert after.steering > 0
     assert (controller.station_m, controller.cross_track_m) == pytest.approx((50.0, -1.0))
 
 
 def test_the_end_is_reached_at_the_last_pose_and_past_it():
-    controller = Controller(straight_path(50.0), CAR, ControlSpec())
+    controller = Controller(straight_path(50.0), CAR, ControlSection())
     reached = []
     for x in (0.0, 49.0, 49.95, 60.0):
-        controller.command(EgoState(x=x, y=0.3, heading=0.0, speed=5.0), dt=0.05, leader=None)
+        controller.command(EgoState(x=x, y=0.3, heading=0.0, speed=5.0), dt=0.05)
         reached.append(controller.reached_end)
     assert reached == [False, False, True, True]
 
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, math.nan])
 def test_a_control_step_of_no_time_is_refused(dt):
-    controller = Controller(straight_path(50.0), CAR, ControlSpec())
+    controller = Controller(straight_path(50.0), CAR, ControlSection())
     with pytest.raises(InputError, match="from one command to the next, above 0"):
-        controller.command(EgoState(x=0, y=0, heading=0, speed=5.0), dt=dt, leader=None)
+        controller.command(EgoState(x=0, y=0, heading=0, speed=5.0), dt=dt)
 
 
 def test_allowing_for_slip_takes_it_from_the_plant_and_keeps_the_rest():
-    spec = ControlSpec(target_speed_mps=20.0, regulated={"lookahead_time_s": 0.9})
+    spec = ControlSection(target_speed_mps=20.0, regulated={"lookahead_time_s": 0.9})
     aware = allow_for_slip(spec, plant=PlantSpec(body="single_track"))
     # Rajamani's sedan: rear slip m l_f / (L C_r), understeer m (l_r - l_f) / (L C).
     assert aware.regulated.rear_slip_rad_per_mps2 == pytest.approx(1573 * 0.41 / 160e3)
@@ -209,4 +209,4 @@ def test_allowing_for_slip_takes_it_from_the_plant_and_keeps_the_rest():
 
 def test_a_plant_that_oversteers_is_refused():
     with pytest.raises(SpecError, match="slip of the plant: understeer_rad_per_mps2"):
-        allow_for_slip(ControlSpec(), plant=PlantSpec(body="single_track", single_track={"front_share": 0.6}))
+        allow_for_slip(ControlSection(), plant=PlantSpec(body="single_track", single_track={"front_share": 0.6}))

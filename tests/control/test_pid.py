@@ -4,10 +4,10 @@ from control.drives import drive, straight_path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wzsumo.control.controller import ControlSpec
 from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, TunedPidMemory, TunedPidSpec, paper_pid, tuned_pid
 from wzsumo.control.plant import PlantSpec
 from wzsumo.control.speed_profile import Pace
+from wzsumo.scenario.sections import ControlSection
 
 
 def slow_paper_pid(errors, *, dt, unit, time_base):
@@ -79,7 +79,7 @@ def test_tuned_pid_gives_no_kick_when_the_reference_steps():
 @pytest.mark.parametrize("speed", [10.0, 24.0])
 @pytest.mark.parametrize("delay", [0.0, 0.1])
 def test_tuned_pid_reaches_its_speed_from_rest_without_overshoot_and_without_a_lasting_error(speed, delay):
-    control = ControlSpec(target_speed_mps=speed)
+    control = ControlSection(target_speed_mps=speed)
     run = drive(straight_path(5000), control, PlantSpec(command_delay_s=delay), speed=0.0, time_limit=60)
     assert run["speed"].max() < speed + 0.1
     assert run["speed"][-1] == pytest.approx(speed, abs=0.01)
@@ -87,4 +87,4 @@ def test_tuned_pid_reaches_its_speed_from_rest_without_overshoot_and_without_a_l
 
 
 def paper_control(pid=None):
-    return ControlSpec(lateral="paper", longitudinal="paper", pid=pid or PaperPidSpec())
+    return ControlSection(lateral="paper", longitudinal="paper", pid=pid or PaperPidSpec())

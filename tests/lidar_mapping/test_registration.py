@@ -10,15 +10,7 @@ from wzsumo.lidar_mapping.alignment import SurfaceMatcher, align, minus, plus
 from wzsumo.lidar_mapping.patches import FEWEST, FLATNESS, NEIGHBOURS, SLENDERNESS, SPREAD, Shape, fit_patches
 from wzsumo.lidar_mapping.registration import RegistrationStatus, register
 from wzsumo.lidar_mapping.voxel_map import ROOM, VoxelMap
-from wzsumo.rigid import (
-    inverse,
-    moved,
-    rigid,
-    rotation_from_rpy,
-    rotation_from_vector,
-    rpy_from_rotation,
-    vector_from_rotation,
-)
+from wzsumo.rigid import inverse, moved, rigid, rotation_from_rpy, rotation_from_vector, rpy_from_rotation, vector_from_rotation
 
 ANGLES = st.floats(-1.5, 1.5)
 

@@ -8,8 +8,7 @@ from scipy.sparse.linalg import spsolve
 
 from wzsumo.errors import CloudError
 from wzsumo.lidar_mapping.membrane import fill_holes
-from wzsumo.lidar_mapping.opening import open_by_disk
-from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask, object_cells
+from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask, object_cells, open_by_disk
 
 
 def slow_opening(surface, radius):

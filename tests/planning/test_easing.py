@@ -5,10 +5,10 @@ from scipy.optimize import lsq_linear
 
 from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
-from wzsumo.planning.arcs import poses_along
 from wzsumo.planning.bending import stiffness_of
 from wzsumo.planning.easing import ease, eased_points, room_beside
 from wzsumo.planning.footprint import outline_body
+from wzsumo.planning.lattice import poses_along
 from wzsumo.planning.path_check import poses_through, touching_poses
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.terrain import terrain_of

@@ -5,10 +5,9 @@ import pytest
 
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning import hybrid_astar
-from wzsumo.planning.arcs import poses_along
 from wzsumo.planning.footprint import outline_body
 from wzsumo.planning.heuristic import cost_to_go
-from wzsumo.planning.lattice import lattice_for
+from wzsumo.planning.lattice import lattice_for, poses_along
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.terrain import terrain_of
 from wzsumo.vehicle import VehicleGeometry

@@ -10,7 +10,8 @@ from wzsumo.errors import MapError
 from wzsumo.frames import wrap_angle
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning import distance_field, heuristic, hybrid_astar, path_check, pushing, terrain
-from wzsumo.planning.plan import PlannerSpec, PlanStatus, compile_kernels, plan_from, plan_path, prepare
+from wzsumo.planning.plan import PlanStatus, compile_kernels, plan_from, plan_path, prepare
+from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()

@@ -9,7 +9,8 @@ from shapely import STRtree
 
 from wzsumo.frames import wrap_angle
 from wzsumo.grid import OccupancyGrid
-from wzsumo.planning.plan import PlannerSpec, plan_path
+from wzsumo.planning.plan import plan_path
+from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.vehicle import VehicleGeometry
 
 CAR, SPEC = VehicleGeometry(), PlannerSpec()

@@ -3,8 +3,8 @@ import pytest
 
 from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
-from wzsumo.planning.arcs import poses_along
 from wzsumo.planning.footprint import outline_body
+from wzsumo.planning.lattice import poses_along
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.pushing import smooth
 from wzsumo.planning.smoothing import smoothed_poses

@@ -5,8 +5,8 @@ from wzsumo.errors import SpecError
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.departures import check_departures, lane_departure_vph
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
+from wzsumo.simulation.fleet import run_to_end
 from wzsumo.simulation.trips import TRIP_OPTIONS, read_trips, trips_file
-from wzsumo.simulation.whole_run import run_to_end
 
 SPEED = 26.8224  # m/s, 60 mph
 

@@ -11,9 +11,9 @@ from wzsumo.frames import advance
 from wzsumo.metrics.conflicts import boxes_overlap
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec
+from wzsumo.simulation.ego_bodies import seen_by_others
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
 from wzsumo.simulation.session import EGO_ID, SIDE_CLEARANCE_M, Part, running
-from wzsumo.study.lane_intrusion import seen_by_others
 from wzsumo.vehicle import VehicleGeometry
 
 LAYOUT = paper_layout(start_ft=3800, work_length_ft=100, closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None)

@@ -6,8 +6,8 @@ from builders import paper_layout
 from wzsumo.errors import SimulationError
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
+from wzsumo.simulation.fleet import run_to_end
 from wzsumo.simulation.session import running
-from wzsumo.simulation.whole_run import run_to_end
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from wzsumo.control.car_following import IdmSpec, Leader, acc_acceleration, eased, idm_acceleration, stopping_acceleration
 from wzsumo.control.path_frame import PathFrame, PathPosition
 from wzsumo.control.pedals import PedalSpec, pedal_from_acceleration
 from wzsumo.control.pid import PaperPidMemory, PaperPidSpec, TunedPidMemory, TunedPidSpec, paper_pid, tuned_pid
@@ -24,11 +23,10 @@ from wzsumo.vehicle import VehicleGeometry
 
 
 class ControlSpec(Spec):
-    """How the ego follows its path, keeps its speed and minds the vehicle ahead."""
+    """How the ego follows its path and keeps its speed."""
 
     lateral: Literal["paper", "regulated"] = "regulated"
     longitudinal: Literal["paper", "tuned"] = "tuned"
-    car_following: Literal["none", "idm", "acc"] = "acc"
     target_speed_mps: float = Field(default=10.0, ge=0, le=60)  # Chen et al. 2022
     min_lookahead_m: float = Field(default=3.0, gt=0)  # ibid.; the law "paper"
     pursuit_length_m: float = Field(default=4.6391, gt=0)  # ibid.: the LENGTH, used as wheelbase; the law "paper"
@@ -36,7 +34,6 @@ class ControlSpec(Spec):
     regulated: RegulatedSpec = RegulatedSpec()
     pid: PaperPidSpec = PaperPidSpec()
     tuned: TunedPidSpec = TunedPidSpec()
-    idm: IdmSpec = IdmSpec()
     pedals: PedalSpec = PedalSpec()
 
 
@@ -49,7 +46,7 @@ def allow_for_slip(spec: ControlSpec, *, plant: PlantSpec) -> ControlSpec:
 
 
 class Controller:
-    """Follows one path. Holds what a controller remembers: the place on the path, the memory of the PID, the last ceiling.
+    """Follows one path. Holds what a controller remembers: the place on the path, the memory of the PID.
 
     `cross_track_m` (positive: ego left of the path), `station_m` and `reached_end` tell of the state given to the last
     `command`; before the first one they are 0, 0 and False. The law "regulated" keeps below the speed that the path's
@@ -60,7 +57,7 @@ class Controller:
         self, path: ReferencePath, vehicle: VehicleGeometry, spec: ControlSpec, *, speed_limits: npt.ArrayLike | None = None
     ) -> None:
         self._vehicle, self._spec = vehicle, spec
-        self._paper_pid, self._tuned_pid, self._last_ceiling = PaperPidMemory(), TunedPidMemory(), inf
+        self._paper_pid, self._tuned_pid = PaperPidMemory(), TunedPidMemory()
         self.follow(path, speed_limits=speed_limits)
 
     def follow(self, path: ReferencePath, *, speed_limits: npt.ArrayLike | None = None) -> None:
@@ -89,19 +86,17 @@ class Controller:
         """Whether the rear axle is at the end of the path or past it."""
         return self._position is not None and self.station_m >= self._frame.length_m - self._spec.goal_tolerance_m
 
-    def command(self, state: EgoState, *, dt: float, leader: Leader | None, stop_in_m: float | None = None) -> Command:
+    def command(self, state: EgoState, *, dt: float, ceiling: float = inf) -> Command:
         """Command for the next `dt` seconds, and the memory moved on by one step. Raises InputError for dt <= 0.
 
-        `stop_in_m` [m] is how far ahead of the front bumper a place lies that the ego may not pass now.
+        `ceiling` [m/s2] is the highest acceleration that others leave to the ego.
         """
         if not 0 < dt < inf:
             raise InputError(f"dt={dt} s must be the time from one command to the next, above 0")
         near = self._position.segment if self._position else None
         self._position = self._frame.locate(state.x, state.y, near=near)
         reference = self._reference(state.speed, station_m=self._position.station_m)
-        ceiling = self._ceiling(state.speed, leader=leader, stop_in_m=stop_in_m)
-        self._last_ceiling = eased(ceiling, speed=state.speed, last=self._last_ceiling, dt=dt, spec=self._spec.idm)
-        pedal = self._pedal(state.speed, reference=reference, dt=dt, ceiling=self._last_ceiling)
+        pedal = self._pedal(state.speed, reference=reference, dt=dt, ceiling=ceiling)
         return Command(throttle=max(pedal, 0.0), brake=max(-pedal, 0.0), steering=self._steering(state, self._position))
 
     def _reference(self, speed: float, *, station_m: float) -> Pace:
@@ -111,16 +106,6 @@ class Controller:
             return cruise
         ahead = station_m + speed * spec.regulated.speed_preview_s
         return min(cruise, self._profile.at(station_m), self._profile.at(ahead))  # by speed, their first field
-
-    def _ceiling(self, speed: float, *, leader: Leader | None, stop_in_m: float | None) -> float:
-        spec = self._spec
-        if spec.car_following == "none":
-            return inf
-        ceiling = inf if stop_in_m is None else stopping_acceleration(speed, distance_m=stop_in_m, spec=spec.idm)
-        if leader is not None:
-            follow = idm_acceleration if spec.car_following == "idm" else acc_acceleration
-            ceiling = min(ceiling, follow(speed, leader=leader, spec=spec.idm))
-        return ceiling
 
     def _pedal(self, speed: float, *, reference: Pace, dt: float, ceiling: float) -> float:
         spec = self._spec

@@ -9,7 +9,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from wzsumo.crowd_mapping.lane_ends import LaneEnds
+from wzsumo.crowd_mapping.closing.lane_ends import LaneEnds
 from wzsumo.crowd_mapping.lane_model import LaneStructure
 from wzsumo.frames import FloatArray
 from wzsumo.grid import UNKNOWN, BoolArray, OccupancyGrid

@@ -5,25 +5,23 @@ from dataclasses import fields, replace
 import numpy as np
 import pandas as pd
 
-from wzsumo.crowd_mapping.closures import ClosurePrior
-from wzsumo.crowd_mapping.common_path import CommonPath, extend, lanes_along
-from wzsumo.crowd_mapping.kinks import Shift, find_shifts
-from wzsumo.crowd_mapping.lane_ends import fit_lane_ends
-from wzsumo.crowd_mapping.lane_levels import LaneLevels, fit_lane_levels, refresh
+from wzsumo.crowd_mapping.closing.lane_ends import fit_lane_ends
+from wzsumo.crowd_mapping.closing.lane_use import fit_lane_use
+from wzsumo.crowd_mapping.closing.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close, with_level_ends
+from wzsumo.crowd_mapping.course.common_path import CommonPath, extend, lanes_along
+from wzsumo.crowd_mapping.course.path_fit import BETWEEN_LANES, between_lanes, fit_common_path
+from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
+from wzsumo.crowd_mapping.course.shifts import Shift, find_shifts
+from wzsumo.crowd_mapping.course.station_table import StationTable, tabulate, traffic_speed
+from wzsumo.crowd_mapping.course.turning_errors import turning_of
+from wzsumo.crowd_mapping.hypotheses.closures import ClosurePrior
+from wzsumo.crowd_mapping.hypotheses.lane_levels import LaneLevels, fit_lane_levels, refresh
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec, TraceBasis
-from wzsumo.crowd_mapping.lane_use import fit_lane_use
-from wzsumo.crowd_mapping.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close, with_level_ends
-from wzsumo.crowd_mapping.odd_traces import BETWEEN_LANES, between_lanes
-from wzsumo.crowd_mapping.path_fit import fit_common_path
-from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
-from wzsumo.crowd_mapping.station_table import StationTable, tabulate
-from wzsumo.crowd_mapping.taper_line import merging_taper_m
-from wzsumo.crowd_mapping.traffic_speed import traffic_speed
-from wzsumo.crowd_mapping.turning_errors import turning_of
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 from wzsumo.road import Road
 from wzsumo.tables import check_traces
+from wzsumo.tapers import merging_taper_m
 from wzsumo.units import mps_from_mph
 
 FADED = 0.01  # weight below which an old trace is dropped

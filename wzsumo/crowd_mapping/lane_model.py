@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 from pydantic import Field
 
-from wzsumo.crowd_mapping.common_path import CommonPath
-from wzsumo.crowd_mapping.kinks import Shift
-from wzsumo.crowd_mapping.lane_ends import LaneEnds
-from wzsumo.crowd_mapping.lane_levels import LaneLevels
-from wzsumo.crowd_mapping.lane_use import LaneUse
-from wzsumo.crowd_mapping.map_before import MapBefore
-from wzsumo.crowd_mapping.station_table import StationTable
+from wzsumo.crowd_mapping.closing.lane_ends import LaneEnds
+from wzsumo.crowd_mapping.closing.lane_use import LaneUse
+from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from wzsumo.crowd_mapping.course.common_path import CommonPath
+from wzsumo.crowd_mapping.course.shifts import Shift
+from wzsumo.crowd_mapping.course.station_table import StationTable
+from wzsumo.crowd_mapping.hypotheses.lane_levels import LaneLevels
 from wzsumo.frames import FloatArray
 from wzsumo.road import Road
 from wzsumo.spec import Spec

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import pandas as pd
 
 from wzsumo.crowd_mapping.belief import belief
+from wzsumo.crowd_mapping.closing.map_before import MapBefore
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec
-from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.grid import OccupancyGrid
 from wzsumo.road import Road
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from wzsumo.crowd_mapping.common_path import lanes_along, without_turning
+from wzsumo.crowd_mapping.course.common_path import lanes_along, without_turning
+from wzsumo.crowd_mapping.course.station_table import tabulate
 from wzsumo.crowd_mapping.lane_model import LaneStructure
-from wzsumo.crowd_mapping.station_table import tabulate
 from wzsumo.tables import check_traces
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from wzsumo.cloud import check_cloud
 from wzsumo.errors import CloudError, NoGroundError
 from wzsumo.frames import FloatArray
 from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, SurfaceMatcher, align
@@ -16,6 +15,7 @@ from wzsumo.lidar_mapping.patches import Shape
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
 from wzsumo.rigid import moved, rigid, rotation_from_vector
+from wzsumo.scan import check_cloud
 
 SPACINGS = 4.0  # of the target's points that a cube spans at least, so that it holds enough for a plane
 FINEST = 0.02  # cube of the finest level over the cloud's radius: 1 m of a street scene, 0.2 m of a room

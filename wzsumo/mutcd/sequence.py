@@ -9,7 +9,7 @@ from typing import Any
 from wzsumo.errors import SpecError
 from wzsumo.mutcd.closure import Closure
 from wzsumo.mutcd.spacing import SHORT_TAPER_SPACING_FT, tangent_spacing_ft, taper_spacing_ft
-from wzsumo.mutcd.tapers import (
+from wzsumo.tapers import (
     buffer_length_ft,
     downstream_taper_length_ft,
     merging_taper_length_ft,

@@ -10,11 +10,11 @@ import numpy as np
 from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
-from wzsumo.planning.arcs import poses_along
 from wzsumo.planning.attempts import search_in_turn
 from wzsumo.planning.easing import eased_points
 from wzsumo.planning.footprint import outline_body, pose_is_free
 from wzsumo.planning.hybrid_astar import EXHAUSTED, FOUND
+from wzsumo.planning.lattice import poses_along
 from wzsumo.planning.path_check import exposure_along
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.planning_field import MEASURED_CLEARANCE_M, PlanningField, Pose, from_corner, prepare, refuse_off_map

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from wzsumo.errors import DisplayError, SumoMissingError
-from wzsumo.simulation.installation import REMEDY, sumo_binary
 
 WINDOW_DELAY_MS = 40  # a step of 50 ms in about real time: the rest of it goes into drawing
 WINDOW_ZOOM = 1200.0  # of sumo-gui: some 150 m of road
@@ -107,3 +106,19 @@ def _as_told(libsumo_as_traci: str | None) -> Iterator[None]:
             os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
+
+
+SYSTEM_LIBRARIES = "libgl1 libx11-6 libxext6 libxrender1 libatomic1 libexpat1"  # what libsumo 1.28 links on Debian 12
+REMEDY = f"on Debian or Ubuntu: apt-get install {SYSTEM_LIBRARIES}; Python packages: make setup"
+
+
+def sumo_binary(name: str) -> Path:
+    """Path of one of SUMO's programs (netconvert, sumo, sumo-gui). Raises SumoMissingError."""
+    try:
+        import sumo
+    except ImportError as error:
+        raise SumoMissingError(f"SUMO is not installed ({error}); {REMEDY}") from None
+    program = Path(sumo.SUMO_HOME) / "bin" / name
+    if not os.access(program, os.X_OK):
+        raise SumoMissingError(f"SUMO's program {name} is not at {program}; {REMEDY}")
+    return program

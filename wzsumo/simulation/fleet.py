@@ -1,5 +1,6 @@
 """Traces of the whole fleet: one simulation of everyone, logged by SUMO's own parquet FCD output."""
 
+import subprocess
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -10,10 +11,10 @@ import pyarrow.parquet as pq
 
 from wzsumo.errors import SimulationError
 from wzsumo.frames import advance, heading_from_sumo_angle
+from wzsumo.simulation.connection import sumo_binary
 from wzsumo.simulation.demand import CAR, TRUCK
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.trips import TRIP_OPTIONS, trips_file
-from wzsumo.simulation.whole_run import run_to_end
 
 _FCD_COLUMNS = {
     "timestep_time": "time_s",
@@ -63,3 +64,25 @@ def _traces_of_fcd(path: Path) -> pd.DataFrame:
         }
     )
     return traces.sort_values(["vehicle_id", "time_s"], kind="stable", ignore_index=True)
+
+
+_STEP = "Step #"  # what SUMO prints before the simulated time
+
+
+def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callable[[float], None]) -> None:
+    """Run the simulation of `files` with more options of SUMO's, such as its outputs.
+
+    `on_second` is called with the simulated time [s] about once a simulated second. Raises SimulationError where SUMO fails.
+    """
+    steps_a_second = max(1, round(1 / files.step_length))
+    log = ("--no-step-log", "false", "--step-log.period", str(steps_a_second), "--no-warnings")
+    command = [str(sumo_binary("sumo")), "--configuration-file", str(files.config), *options, *log]
+    with tempfile.TemporaryFile("w+") as errors:
+        # Text mode takes the carriage return that ends each of SUMO's progress lines for the end of a line.
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
+            for line in process.stdout or ():
+                if line.startswith(_STEP):
+                    on_second(float(line.removeprefix(_STEP).split()[0]))
+        if process.returncode != 0:
+            errors.seek(0)
+            raise SimulationError(f"SUMO ended with {process.returncode}: {' '.join(errors.read().split())[-300:]}")

@@ -18,16 +18,8 @@ import numpy as np
 
 from wzsumo.errors import SimulationError
 from wzsumo.frames import FloatArray
-from wzsumo.simulation.edges import (
-    MERGE_END_WIDTH_M,
-    SAME_STATION_M,
-    Edge,
-    edges_of,
-    gap_between,
-    opposing_edges_of,
-    width_at,
-)
-from wzsumo.simulation.installation import sumo_binary
+from wzsumo.simulation.connection import sumo_binary
+from wzsumo.simulation.edges import MERGE_END_WIDTH_M, SAME_STATION_M, Edge, edges_of, gap_between, opposing_edges_of, width_at
 from wzsumo.simulation.turns import SIGNAL_ID, turns_program
 from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import OpenLane, WorkZoneLayout

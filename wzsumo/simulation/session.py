@@ -15,8 +15,8 @@ import numpy as np
 from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle, sumo_angle_from_heading
 from wzsumo.simulation.connection import connected_library, connected_window, follow_in_window
 from wzsumo.simulation.gridlock import Gridlock
-from wzsumo.simulation.traffic import Traffic
 from wzsumo.simulation.turns import OWN_LINK, SIGNAL_ID
+from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 
 EGO_ID = "ego"

@@ -1,0 +1,136 @@
+"""Is the drive safe in every zone of the library? Outcome, clearance and conflicts over scenarios, seeds, methods and speeds.
+
+python analysis/library_drives.py --first 61 --seeds 5 --traces 10 --speeds 10 zone --out results/library_drives
+
+"zone" is the posted speed. Rows are appended to rows.csv as they come, first all scenarios at one seed: a study that was
+stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/library_drives.md.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from wzsumo.errors import InputError
+from wzsumo.files.output import write_whole
+from wzsumo.scenario.scenario import Scenario, load_scenario
+from wzsumo.sweep.study_case import StudyCase
+from wzsumo.sweep.tasks import evaluate, simulate
+from wzsumo.units import mps_from_mph
+
+LIBRARY = Path(__file__).parents[2] / "scenarios"
+PAPER_SPEED_MPS = 10.0
+KEPT = (
+    "outcome", "reason", "plan_status", "plan_speed_mps", "precision", "recall", "iou", "plan_ms", "n_expansions",
+    "path_length_m", "drive_time_s", "max_cross_track_m", "case_cpu_s",
+)  # fmt: skip
+# Column of the printed tables, outcome that it counts.
+COUNTED = {
+    "reached": ("REACHED_GOAL",),
+    "struck a device": ("STRUCK_DEVICE",),
+    "in closed area": ("ENTERED_CLOSED_AREA",),
+    "collided": ("COLLIDED",),
+    "other": ("LEFT_PAVEMENT", "NO_PATH", "TIMED_OUT", "REFUSED"),
+}
+# Column of the printed tables, column of rows.csv, and what is printed of several drives.
+SHOWN = {
+    "clearance m": ("driven_min_clearance_devices_m", "min"),
+    "TTC s": ("driven_min_ttc_s", "min"),
+    "DRAC m/s2": ("driven_max_drac_mps2", "max"),
+    "lateral m/s2": ("driven_max_lateral_acceleration_mps2", "max"),
+    "braking m/s2": ("driven_max_braking_mps2", "max"),
+    "jerk m/s3": ("driven_max_jerk_mps3", "max"),
+    "off path m": ("max_cross_track_m", "max"),
+    "delay behind s": ("driven_delay_behind_per_vehicle_s", "median"),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenarios", nargs="+", default=sorted(path.stem for path in LIBRARY.glob("*.toml")))
+    parser.add_argument("--first", type=int, default=21)
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--methods", nargs="+", default=["lanes", "swept"])
+    parser.add_argument("--speeds", nargs="+", choices=["10", "zone"], default=["10"])
+    parser.add_argument("--traces", type=int, help="number of traces used, instead of what each scenario says")
+    parser.add_argument("--out", type=Path, default=Path("results/library_drives"))
+    parser.add_argument("--table", action="store_true", help="print the tables of what is there and drive no more")
+    args = parser.parse_args()
+    if not args.table:
+        for rows in missing_drives(args):
+            rows.to_csv(args.out / "rows.csv", mode="a", header=not (args.out / "rows.csv").exists(), index=False)
+            print(rows[["scenario", "seed", "speed", "method", "outcome"]].to_string(header=False), file=sys.stderr)
+    print_tables(pd.read_csv(args.out / "rows.csv", dtype={"speed": str}))
+
+
+def missing_drives(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
+    """The rows of each seed, scenario and method that rows.csv does not have, at all speeds: these share fleet and map."""
+    args.out.mkdir(parents=True, exist_ok=True)
+    rows_file, done = args.out / "rows.csv", set()
+    if rows_file.exists():
+        table = pd.read_csv(rows_file, dtype={"speed": str})
+        done = set(table[["method", "seed", "scenario", "speed"]].itertuples(index=False, name=None))
+    seeds = range(args.first, args.first + args.seeds)
+    for seed, name, method in product(seeds, args.scenarios, args.methods):
+        speeds = [speed for speed in args.speeds if (method, seed, name, speed) not in done]
+        if not speeds:
+            continue
+        scenario = load_scenario(LIBRARY / f"{name}.toml", seed=seed)
+        cases = [
+            StudyCase(scenario=at_speed(scenario, speed, traces=args.traces), method=method, drive=True) for speed in speeds
+        ]
+        yield pd.DataFrame([
+            {"scenario": name, "seed": seed, "speed": speed, "method": method} | row
+            for speed, row in zip(speeds, drives(cases, args.out / "fleets"), strict=True)
+        ])  # fmt: skip
+
+
+def at_speed(scenario: Scenario, speed: str, *, traces: int | None) -> Scenario:
+    """The scenario with the ego at a speed and with its map made of so many traces."""
+    crowd = scenario.crowd if traces is None else scenario.crowd.model_copy(update={"used": traces})
+    wanted = PAPER_SPEED_MPS if speed == "10" else mps_from_mph(scenario.work_zone.posted_speed_mph)
+    # The paper's controllers are made for its one speed.
+    laws = {} if speed == "10" else {"lateral": "regulated", "longitudinal": "tuned"}
+    return scenario.model_copy(update={
+        "crowd": crowd,
+        "control": scenario.control.model_copy(update={"target_speed_mps": wanted} | laws),
+        "planner": scenario.planner.model_copy(update={"planned_speed_mps": wanted}),
+    })  # fmt: skip
+
+
+def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
+    """What is kept of each case; the simulation of its fleet, which methods and speeds share, is kept in a folder."""
+    fleet = fleets / f"{cases[0].simulation}.parquet"
+    if not fleet.exists():
+        write_whole(fleet, simulate(cases[0].scenario))
+    try:
+        rows = evaluate(fleet.read_bytes(), cases)
+    except InputError as error:
+        rows = [{"status": "REFUSED", "reason": str(error)} for _ in cases]
+    return [
+        {name: row.get(name) for name in KEPT}
+        | {name: value for name, value in row.items() if name.startswith(("planned_", "driven_"))}
+        | ({} if row["status"] == "DONE" else {"outcome": row["status"]})
+        for row in rows
+    ]
+
+
+def print_tables(table: pd.DataFrame) -> None:
+    """Markdown: a table of each method and speed with the worst drive of each scenario, or the median one, then what failed."""
+    for (method, speed), part in table.groupby(["method", "speed"]):
+        print(f"\n**{method}, {'10 m/s' if speed == '10' else 'posted speed'}**\n")
+        print(f"| scenario | n | {' | '.join([*COUNTED, *SHOWN])} |\n|---|{'---:|' * (1 + len(COUNTED) + len(SHOWN))}")
+        for name, drives in [*part.groupby("scenario"), ("all", part)]:
+            counts = [str(drives["outcome"].isin(outcomes).sum()) for outcomes in COUNTED.values()]
+            shown = [f"{drives[column].agg(which):.2f}" for column, which in SHOWN.values()]
+            print(f"| {name} | {' | '.join([str(len(drives)), *counts, *shown])} |")
+    for row in table[table["outcome"] != "REACHED_GOAL"].itertuples():
+        print(f"\n- {row.scenario}, {row.method}, {row.speed}, seed {row.seed}: {row.outcome}, {row.reason}")
+
+
+if __name__ == "__main__":
+    main()

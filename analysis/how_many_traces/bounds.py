@@ -1,0 +1,106 @@
+"""What bounds maps of traces alone: their overlap where parts of them are put right by the truth, in the cases of the aims.
+
+python analysis/how_many_bounds.py --out results/how_many_bounds [--first 101] [--seeds 3] [--fleets FOLDER]
+
+Parts are told by the distance from the edge of the narrowest open width: what lies beyond it is open in the tapers only. Maps
+are kept apart by whether any of their traces shows the closing lane: of the others nobody can know that it is open ahead.
+"""
+
+import argparse
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from generator import GENERATED, generated_traces
+from scores import Judge, Truth, truth_of_generated
+from study import BARS, USUAL_INTERVAL_S, ZONES_OF_THE_STUDY, first_equipped
+from zones import ZONES, true_traces
+
+from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
+from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
+from wzsumo.grid import FREE_THRESHOLD, BoolArray
+from wzsumo.sensing.gnss import GnssSpec, report
+
+NEAR_EDGE_M = 0.6
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path("results/how_many_bounds"))
+    parser.add_argument("--first", type=int, default=101)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--fleets", type=Path, default=Path("results/how_many_traces/fleets"))
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    rows = [
+        {"source": source, "zone": zone, "seed": seed, "n_traces": n, "error_m": error_m} | figures(n, error_m, seed)
+        for source, zone, figures in (*_simulated(args.fleets), *_generated())
+        for seed, (n, error_m) in itertools.product(range(args.first, args.first + args.seeds), BARS)
+    ]
+    table = pd.DataFrame(rows)
+    table.to_csv(args.out / "rows.csv", index=False)
+    print(table_of(table).round(3).to_string())
+
+
+def table_of(rows: pd.DataFrame) -> pd.DataFrame:
+    """Medians over all maps of a case, and of the overlap where the closing lane was shown and where it was not."""
+    case = ["source", "error_m", "n_traces"]
+    medians = rows.drop(columns=["zone", "seed", "shown"]).groupby(case).median()
+    by_shown = rows.groupby([*case, "shown"])["iou"].agg(["median", "size"]).unstack()
+    by_shown.columns = [f"iou_{what}_{'shown' if shown else 'not_shown'}" for what, shown in by_shown.columns]
+    return medians.join(by_shown)
+
+
+def _simulated(fleets: Path) -> list[tuple[str, str, Callable[..., dict[str, object]]]]:
+    def figures_of(zone: str) -> Callable[..., dict[str, object]]:
+        truth, left = Judge(zone).truth, ZONES[zone].work_zone.closed_lanes[0] > 0
+
+        def figures(n: int, error_m: float, seed: int) -> dict[str, object]:
+            true = first_equipped(true_traces(zone, seed, cache=fleets), n, seed=seed)
+            spec = GnssSpec(error_m=error_m, sampling_interval_s=USUAL_INTERVAL_S)
+            return bounds(truth, report(true, spec=spec, seed=seed), closed_left=left)
+
+        return figures
+
+    return [("SUMO", zone, figures_of(zone)) for zone in ZONES_OF_THE_STUDY]
+
+
+def _generated() -> list[tuple[str, str, Callable[..., dict[str, object]]]]:
+    def figures_of(name: str) -> Callable[..., dict[str, object]]:
+        zone = GENERATED[name]
+        truth = truth_of_generated(zone)
+
+        def figures(n: int, error_m: float, seed: int) -> dict[str, object]:
+            traces = generated_traces(zone, n, error_m=error_m, interval_s=USUAL_INTERVAL_S, seed=seed)
+            return bounds(truth, traces, closed_left=zone.closed_left)
+
+        return figures
+
+    return [("generator", name, figures_of(name)) for name in GENERATED]
+
+
+def bounds(truth: Truth, traces: pd.DataFrame, *, closed_left: bool) -> dict[str, object]:
+    """Overlap of the map as it is and with parts put right, and whether its traces show a lane that closes."""
+    model = fit_lane_structure(traces, spec=LaneStructureSpec())
+    free, drivable = truth.p_occupied(model) < FREE_THRESHOLD, truth.drivable
+    narrowest = np.quantile(truth.left - truth.right, 0.05)
+    inwards = truth.d - truth.right[:, None] if closed_left else truth.left[:, None] - truth.d
+    tapers = inwards > narrowest + NEAR_EDGE_M
+    edges = np.minimum(np.abs(inwards), np.abs(inwards - narrowest)) < NEAR_EDGE_M
+    return {
+        "shown": bool(model.ends.closing),
+        "iou": _iou(free, drivable),
+        "iou_true_tapers": _iou(np.where(tapers, drivable, free), drivable),
+        "iou_true_edges": _iou(np.where(edges, drivable, free), drivable),
+        "tapers_share": float((drivable & tapers).sum() / drivable.sum()),
+    }
+
+
+def _iou(free: BoolArray, drivable: BoolArray) -> float:
+    return float((free & drivable).sum() / (free | drivable).sum())
+
+
+if __name__ == "__main__":
+    main()

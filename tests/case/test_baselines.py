@@ -1,0 +1,126 @@
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import ndimage
+
+from wzsumo.case.baselines import BASELINE_METHODS, map_baselines, stale_map, stale_map_with_devices
+from wzsumo.case.case import quiet_progress
+from wzsumo.case.lidar_baseline import mapping_drive, others_at
+from wzsumo.errors import SpecError
+from wzsumo.grid import cells_inside
+from wzsumo.scenario.scenario import Scenario
+from wzsumo.scenario.site import prepare_site
+from wzsumo.sensing.lidar import Drive
+from wzsumo.spec import parse_spec, read_toml
+
+PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
+
+
+def short_scenario(**slam):
+    """A zone of 150 m at 25 mph that closes the left lane of three, and a coarse, slow LiDAR."""
+    content = read_toml(PAPER)
+    content["road"] |= {"length_ft": 1200}
+    content["work_zone"] |= {"posted_speed_mph": 25, "start_ft": 300, "work_length_ft": 100, "shift_ft": 0, "buffer_ft": 50}
+    del content["work_zone"]["shifted_lane_width_ft"]
+    content["route"] |= {"start_before_zone_m": 30, "goal_after_zone_m": 30}
+    content["map"] = {"resolution_m": 0.25}
+    content["slam"] = {"lidar": {"layers": 48, "azimuth_count": 600, "rate_hz": 5}, **slam}
+    return parse_spec(Scenario, content, source="test")
+
+
+def fleet_of(*tracks, length_m=4.6, start_s=130.0):
+    """Trace table of cars along x at 15 m/s, one (id, y, seconds behind the first) each."""
+    x = np.arange(0.0, 360.0, 1.5)
+    cars = [
+        pd.DataFrame({"vehicle_id": name, "time_s": start_s + behind + x / 15, "x_m": x, "y_m": float(y), "heading_rad": 0.0,
+                      "speed_mps": 15.0, "length_m": length_m, "width_m": 1.8})
+        for name, y, behind in tracks
+    ]  # fmt: skip
+    return pd.concat(cars, ignore_index=True)
+
+
+SCENARIO = short_scenario()
+SITE = prepare_site(SCENARIO)
+LANE = SITE.layout.road.lane_centre(1)
+
+
+def test_map_of_before_frees_the_lanes_that_are_closed_now_and_no_shoulder():
+    road, free = SITE.layout.road, stale_map(SITE).free
+    lanes = cells_inside(SITE.cells, road.strip(0, road.length, 0, road.travelled_width))
+    np.testing.assert_array_equal(free, lanes)
+    assert free[cells_inside(SITE.cells, SITE.layout.closed_area)].any()
+
+
+def test_every_device_on_the_lanes_is_marked_on_the_map_of_before_and_little_else():
+    devices, marked = SITE.layout.devices, stale_map(SITE).free & ~stale_map_with_devices(SITE).free
+    row, col = SITE.cells.cell_of(devices[["x_m", "y_m"]])
+    on_lanes = stale_map(SITE).free[row, col]
+    assert on_lanes.sum() >= 10
+    assert marked[row, col][on_lanes].all()
+    assert marked.sum() * SITE.cells.resolution**2 < len(devices) * 0.7**2  # a base of 14 in and a cell
+
+
+def test_mapping_car_is_the_first_that_begins_in_the_egos_lane_and_its_drive_is_of_its_rear_axle():
+    fleet = fleet_of(("late", LANE, 9.0), ("beside", SITE.layout.road.lane_centre(0), 0.0), ("first", LANE, 4.0))
+    vehicle_id, drive = mapping_drive(fleet, scenario=SCENARIO, site=SITE)
+    assert vehicle_id == "first"
+    at = np.interp(140.0, drive.time_s, drive.poses[:, 0])
+    assert at == pytest.approx(15 * (140.0 - 134.0) - SCENARIO.vehicle.axle_to_centre_m)
+
+
+def test_fleet_without_a_car_in_the_egos_lane_is_refused_with_the_remedy():
+    for fleet in (fleet_of(("truck", LANE, 0.0), length_m=12.0), fleet_of(("early", LANE, 0.0), start_s=20.0)):
+        with pytest.raises(SpecError, match=r"no car began in lane 1 .* raise simulation\.demand\.flow_vph"):
+            mapping_drive(fleet, scenario=SCENARIO, site=SITE)
+
+
+def test_vehicles_of_a_moment_are_carried_on_from_their_last_fix():
+    drive = Drive(time_s=np.array([130.0, 150.0]), poses=np.zeros((2, 3)))
+    vehicles = others_at(fleet_of(("a", 2.0, 0.0), ("b", 5.0, 3.0)), drive)
+    at = vehicles(135.05).set_index("y_m")["x_m"]
+    assert at.to_dict() == pytest.approx({2.0: 15 * 5.05, 5.0: 15 * 2.05})
+    assert vehicles(129.0).empty
+
+
+@pytest.fixture(scope="module")
+def baselines():
+    fleet = fleet_of(("mapper", LANE, 0.0), ("follower", LANE, 1.5), ("beside", SITE.layout.road.lane_centre(0), 0.3))
+    return map_baselines(BASELINE_METHODS, fleet, scenario=SCENARIO, site=SITE, progress=quiet_progress)
+
+
+def test_mapping_drive_knows_its_way_to_decimetres_and_finds_the_devices(baselines):
+    assert baselines.slam["vehicle_id"] == "mapper"
+    assert baselines.slam["ate_m"] < 0.1  # the bar for a drive between cones with RTK
+    assert baselines.slam["dead_reckoning_ate_m"] > baselines.slam["ate_m"]
+    assert abs(baselines.slam["n_devices_mapped"] - len(SITE.layout.devices)) <= 1
+
+
+def test_barrier_separates_the_closed_area_from_the_open_lanes_and_the_raw_view_does_not(baselines):
+    activity = SITE.layout.area("activity area")
+    x, road = (activity.start + activity.end) / 2, SITE.layout.road
+    open_lane, closed_lane = (x, road.lane_centre(0)), (x, road.lane_centre(2))
+    between = cells_inside(SITE.cells, road.strip(SITE.layout.start, SITE.layout.end, 0, road.travelled_width))
+    joined = {}
+    for name in ("slam_raw", "slam_log_odds", "slam_barrier"):
+        label, _ = ndimage.label(baselines.maps[name].free & between)
+        rows, cols = SITE.cells.cell_of([open_lane, closed_lane])
+        joined[name] = bool(label[rows[0], cols[0]] == label[rows[1], cols[1]] != 0)
+    assert not joined["slam_barrier"]
+    assert joined["slam_log_odds"]
+
+
+def test_slam_maps_end_at_the_pavement_and_are_nominal_outside_the_zone(baselines):
+    road = SITE.layout.road
+    beyond = ~cells_inside(SITE.cells, road.strip(0, road.length, -road.right_shoulder, road.left_edge))
+    for name in ("slam_raw", "slam_log_odds", "slam_barrier"):
+        assert not baselines.maps[name].free[beyond].any()
+        assert baselines.maps[name].free[SITE.nominal].all()
+
+
+def test_only_what_is_asked_for_is_mapped():
+    fleet = fleet_of(("truck", LANE, 0.0), length_m=12.0)  # no mapping drive could be made of it
+    only = map_baselines(["lanes", "hd_map"], fleet, scenario=SCENARIO, site=SITE, progress=quiet_progress)
+    assert list(only.maps) == ["hd_map"]
+    assert only.slam == {}

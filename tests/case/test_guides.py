@@ -1,0 +1,87 @@
+import numpy as np
+import pandas as pd
+import pytest
+from builders import straight_traces
+
+from wzsumo.case.crowd import Crowd
+from wzsumo.case.guides import bound_for, guides_for, nominal_guide
+from wzsumo.crowd_mapping.mixture.mixture import Mixture
+from wzsumo.scenario.scenario import load_scenario
+from wzsumo.scenario.site import prepare_site
+
+RIGHT, MIDDLE = 1.83, 5.49  # m, centres of the two right lanes
+PAPER_ROAD = load_scenario("scenarios/paper.toml").layout().road
+
+
+@pytest.fixture(scope="module")
+def site():
+    return prepare_site(load_scenario("scenarios/paper.toml"))  # its goal lies in the middle lane
+
+
+def crowd_of(traces, stretches, *, road=PAPER_ROAD):
+    """A crowd whose mixture has one component a stretch (from station, to station, offset)."""
+    first, last, y = np.array(stretches).T
+    variances = [np.diag([length**2 / 12, 0.01]) for length in last - first]
+    mixture = Mixture(
+        weights=np.full(len(y), 1 / len(y)), means=np.column_stack([(first + last) / 2, y]), covariances=np.array(variances),
+        log_likelihood=0.0, n_points=100, converged=True,
+    )  # fmt: skip
+    return Crowd(traces=traces, road=road, sweep=None, mixture=mixture, samples=np.empty((0, 2)))
+
+
+def inner_lines(crowd, site):
+    """What the crowd adds to the nominal guide: x of both ends and y of each line."""
+    found = guides_for(crowd, site=site)[0]
+    nominal = len(nominal_guide(site))
+    return sorted(
+        (round(line[:, 0].min()), round(line[:, 0].max()), round(float(line[:, 1].mean()), 2)) for line in found[nominal:]
+    )
+
+
+STRETCHES = [(460, 660, RIGHT), (660, 900, RIGHT), (460, 660, MIDDLE), (660, 900, MIDDLE)]
+
+
+def changing(x_change, *, start, end):
+    traces = straight_traces([start], length_m=1100.0)
+    traces.loc[traces["x_m"] > x_change, "y_m"] = end
+    return traces.assign(vehicle_id="changer")
+
+
+def test_lines_of_those_who_leave_the_zone_in_another_lane_are_no_guide(site):
+    crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
+    assert inner_lines(crowd, site) == [(460, 660, MIDDLE), (660, 900, MIDDLE)]
+
+
+def test_guide_leads_over_with_who_changed_to_the_goals_lane(site):
+    traces = pd.concat([straight_traces([RIGHT], length_m=1100.0), changing(660, start=RIGHT, end=MIDDLE)])
+    assert inner_lines(crowd_of(traces, STRETCHES), site) == [(460, 660, RIGHT), (660, 900, MIDDLE)]
+
+
+def test_all_lines_are_a_guide_where_nobody_went_to_the_goals_lane(site):
+    crowd = crowd_of(straight_traces([RIGHT], length_m=1100.0), STRETCHES)
+    assert len(inner_lines(crowd, site)) == len(STRETCHES)
+
+
+def test_lane_that_a_trace_ends_in_is_told_by_its_last_stretch_alone(site):
+    traces = pd.concat([straight_traces([RIGHT, MIDDLE]), changing(60, start=MIDDLE, end=RIGHT)])
+    assert set(bound_for((100.0, RIGHT), traces, road=site.layout.road)["vehicle_id"]) == {"v000", "changer"}
+
+
+def test_lines_of_all_come_second(site):
+    crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
+    guides = guides_for(crowd, site=site)
+    assert len(guides) == 2
+    assert len(guides[1]) == len(nominal_guide(site)) + len(STRETCHES)
+
+
+def test_line_on_a_bend_follows_it():
+    site = prepare_site(load_scenario("scenarios/paper_bend_300m.toml"))
+    road = site.layout.road
+    s = np.arange(0.0, road.length)
+    trace = pd.DataFrame(road.to_xy(s, np.full_like(s, MIDDLE)), columns=["x_m", "y_m"]).assign(vehicle_id="v", time_s=s / 20)
+    guide = guides_for(crowd_of(trace, [(600, 700, MIDDLE)], road=road), site=site)[0]
+    points = guide[len(nominal_guide(site)) :].mean(axis=1)  # the middles of its lines, where chords leave an arc the farthest
+    stations, offsets = road.to_sd(points)
+    assert stations.min() < 610
+    assert stations.max() > 690
+    assert offsets == pytest.approx(MIDDLE, abs=0.03)

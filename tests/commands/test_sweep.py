@@ -1,0 +1,115 @@
+import json
+import re
+
+import pytest
+from sweep_trials import PAPER, AtOnce, a_study, evaluate, simulate, sweep
+
+from wzsumo.cli import main
+from wzsumo.commands import sweep as sweep_verbs
+from wzsumo.sweep import agenda as engine
+from wzsumo.sweep.estimate import estimate
+from wzsumo.sweep.study_case import code_version
+
+
+@pytest.fixture(autouse=True)
+def quick_tasks(monkeypatch):
+    monkeypatch.setattr(engine, "simulate", simulate)
+    monkeypatch.setattr(engine, "evaluate", evaluate)
+    monkeypatch.setattr(sweep_verbs, "LocalWorkers", AtOnce)
+
+
+@pytest.fixture
+def study_file(tmp_path):
+    head = f'name = "trial"\nscenarios = ["{PAPER}"]\nmethods = ["swept", "lanes"]\n'
+    path = tmp_path / "study.toml"
+    path.write_text(head + "[grid]\nseed = [1, 2, 3]\ncrowd.used = [2, 5]\n")
+    return path
+
+
+def run(capsys, *words):
+    """(exit code, stdout, stderr) of one command."""
+    with pytest.raises(SystemExit) as stopped:
+        main([str(word) for word in words])
+    out = capsys.readouterr()
+    return stopped.value.code, out.out, out.err
+
+
+def test_dry_run_counts_cases_and_simulations_and_writes_nothing(study_file, tmp_path, capsys):
+    out = tmp_path / "out"
+    code, text, _ = run(capsys, "sweep", study_file, "--out", out, "--dry-run", "--workers", 2, "--json")
+    figures = json.loads(text)
+    assert (code, figures["n_cases"], figures["n_missing"], figures["n_simulations"]) == (0, 12, 12, 3)
+    assert figures["about_s"] > 0
+    assert not out.exists()
+    run(capsys, "sweep", study_file, "--out", out)
+    _, text, _ = run(capsys, "sweep", study_file, "--out", out, "--dry-run", "--json")
+    assert json.loads(text)["n_missing"] == 0
+
+
+def test_estimate_counts_a_simulation_once_and_a_map_once_for_all_penetration_rates():
+    def seconds(**grid):
+        return estimate(a_study(**grid), finished=()).processor_s
+
+    one = seconds(seed=[1])
+    assert seconds(seed=[1, 2]) == pytest.approx(2 * one, abs=0.2)
+    assert seconds(seed=[1], crowd__penetration=[0.1, 0.2, 0.3]) == one
+    assert one < seconds(seed=[1], crowd__used=[2, 3]) < 2 * one
+
+
+def test_sweep_tells_how_far_it_is_in_plain_lines_where_there_is_no_terminal(study_file, tmp_path, capsys):
+    code, text, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out", "--workers", 2, "--json")
+    assert (code, json.loads(text)["n_done"]) == (0, 12)
+    assert re.search(r"wzsumo: 0 of 12 cases finished\n(.*\n)*wzsumo: 12 of 12 cases finished", err)
+    assert "\r" not in err
+
+
+def test_interrupted_sweep_ends_with_130_and_says_that_what_was_finished_is_kept(study_file, tmp_path, capsys, monkeypatch):
+    def interrupted(_fleet, _cases):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(engine, "evaluate", interrupted)
+    code, _, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out")
+    assert code == 130
+    assert "what was finished is kept" in err
+
+
+def test_reason_of_lost_cases_is_told_on_stderr(study_file, tmp_path, capsys, monkeypatch):
+    def lost(_scenario):
+        raise RuntimeError("no netconvert")
+
+    monkeypatch.setattr(engine, "simulate", lost)
+    code, text, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out", "--json")
+    assert (code, json.loads(text)["n_failed"]) == (0, 12)
+    assert "wzsumo: 12 case(s) failed twice: simulation: no netconvert" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--case", "zzz"], "has no such case"),
+        (["--case", ""], "has no such case"),
+        (["--case", "a", "--seed", "3"], "leave --seed and --method out"),
+    ],
+)
+def test_case_that_cannot_be_run_alone_is_refused(tmp_path, capsys, words, says):
+    sweep(a_study(), tmp_path / "study")
+    code, _, err = run(capsys, "run", tmp_path / "study", *words, "--out", tmp_path / "out")
+    assert code == 2
+    assert says in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_beginning_that_several_cases_share_is_refused_with_two_of_them(tmp_path, capsys):
+    study = a_study(crowd__used=list(range(1, 20)))  # more than the sixteen digits that a name can begin with
+    sweep(study, tmp_path / "study")
+    firsts = [case.id[0] for case in study.cases]
+    shared = next(first for first in firsts if firsts.count(first) > 1)
+    code, _, err = run(capsys, "run", tmp_path / "study", "--case", shared, "--out", tmp_path / "out")
+    assert code == 2
+    assert f"{firsts.count(shared)} cases begin so" in err
+
+
+def test_version_of_the_code_is_that_of_the_package_and_of_what_decides_a_result():
+    version, _, digest = code_version().partition("+")
+    assert version == "0.1.0"
+    assert re.fullmatch(r"[0-9a-f]{12}", digest)

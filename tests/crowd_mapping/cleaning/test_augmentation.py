@@ -1,0 +1,38 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from wzsumo.crowd_mapping.cleaning.augmentation import with_copies
+
+
+def trace(n=200):
+    angle = np.linspace(0, 1, n)
+    return pd.DataFrame(
+        {
+            "vehicle_id": "a",
+            "time_s": np.arange(n),
+            "x_m": 500 * np.sin(angle),
+            "y_m": 500 - 500 * np.cos(angle),
+            "speed_mps": 9.0,
+        }
+    )
+
+
+def test_copies_of_a_trace_on_a_bend_run_beside_it_at_one_offset_each():
+    table = with_copies(trace(), copies=3, driver_sd_m=0.25, seed=1)
+    # On a circle of 500 m about (0, 500) a place's offset is its distance to the middle.
+    radius = np.hypot(table["x_m"], table["y_m"] - 500).groupby(table["vehicle_id"]).agg(["mean", "std"])
+    assert len(radius) == 4
+    assert radius["std"].max() < 0.01
+    assert radius["mean"].nunique() == 4
+
+
+def test_offsets_of_copies_have_the_standard_deviation_of_drivers():
+    table = with_copies(trace(20), copies=2000, driver_sd_m=0.25, seed=2)
+    offsets = np.hypot(table["x_m"], table["y_m"] - 500).groupby(table["vehicle_id"]).mean() - 500
+    # The standard error of a standard deviation of n is sd / sqrt(2 n): 1.6 %.
+    assert offsets.std() == pytest.approx(0.25, rel=0.05)
+
+
+def test_no_copies_leave_the_traces_as_they_are():
+    pd.testing.assert_frame_equal(with_copies(trace(), copies=0, driver_sd_m=0.25, seed=1), trace(), check_dtype=False)

@@ -1,0 +1,107 @@
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wzsumo.crowd_mapping.course.lane_changes import CHANGE_COST, CHANGE_STATIONS, relative_lanes
+
+
+def ramp(t):
+    t = np.clip(t, 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def trace(stations, *, changes, bias, drift, noise, width, seed):
+    """One trace that changes lanes by +-1 at given stations, with an error that starts at `bias` and drifts."""
+    random = np.random.default_rng(seed)
+    lanes = sum((side * ramp((np.arange(stations) - at) / 6) for at, side in changes), np.zeros(stations))
+    error = bias + np.cumsum(drift * random.standard_normal(stations)) + noise * random.standard_normal(stations)
+    return width * lanes + error, lanes
+
+
+def path_cost(v, lanes, changes, drift_variance, white_variance, *, turning=None, error_variance=0.0):
+    """Cost of one given sequence of lanes: the Kalman filter of a drifting offset and two constant errors, in matrices."""
+    seen = np.column_stack([np.ones(len(v)), np.zeros((len(v), 2)) if turning is None else turning])
+    errors = error_variance * np.eye(2)
+    mean, cost = np.array([v[0], 0.0, 0.0]), CHANGE_COST * changes
+    own = white_variance + seen[0, 1:] @ errors @ seen[0, 1:]
+    covariance = np.block([[np.array([[own]]), -(seen[0, 1:] @ errors)[None]], [-(errors @ seen[0, 1:])[:, None], errors]])
+    for h, value, lane in zip(seen[1:], v[1:], lanes[1:], strict=True):
+        covariance[0, 0] += drift_variance
+        spread = h @ covariance @ h + white_variance
+        miss = value - 3.5 * lane - h @ mean
+        square = miss**2 / spread
+        cost += 0.5 * (min(square, 16) + np.log(spread / white_variance))
+        gain = covariance @ h / spread * min(1.0, 16 / square)
+        mean, covariance = mean + gain * miss, covariance - np.outer(gain, h @ covariance)
+    return cost
+
+
+def changes_in(lanes):
+    """How many changes begin in lanes (stations,), or ahead of them."""
+    whole = np.abs(lanes - np.rint(lanes)) < 1e-12
+    return int((whole[:-1] & (np.abs(np.diff(lanes)) > 0)).sum() + (not whole[0]))
+
+
+@pytest.mark.parametrize("bias", [-3.0, 0.0, 2.0])
+@pytest.mark.parametrize("changes", [[], [(40, -1)], [(40, 1)], [(20, 1), (90, -1)], [(30, -1), (60, -1)]])
+def test_changes_are_found_whatever_the_bias(changes, bias):
+    v, lanes = trace(140, changes=changes, bias=bias, drift=0.08, noise=0.2, width=3.5, seed=3)
+    found, _ = relative_lanes(v[None], np.full(140, 3.5), drift_variance=0.08**2, white_variance=0.2**2)
+    assert np.abs(found[0] - lanes).max() < 0.6
+    np.testing.assert_array_equal(np.rint(found[0][[0, -1]]), np.rint(lanes[[0, -1]]))
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 1000), at=st.integers(3, 20), side=st.sampled_from([-1, 0, 1]))
+def test_cost_is_that_of_the_lanes_found_and_hardly_above_the_best_of_all_single_changes(seed, at, side):
+    n = 30
+    v, _ = trace(n, changes=[(at, side)] if side else [], bias=0.3, drift=0.05, noise=0.2, width=3.5, seed=seed)
+    found, cost = relative_lanes(v[None], np.full(n, 3.5), drift_variance=0.05**2, white_variance=0.2**2)
+    assert cost == pytest.approx(path_cost(v, found[0], changes_in(found[0]), 0.05**2, 0.2**2), abs=1e-6)
+    sequences = [(np.zeros(n), 0)]
+    for start, length, sign in itertools.product(range(1 - CHANGE_STATIONS.max(), n), CHANGE_STATIONS, (-1, 1)):
+        if 0 < start + length < n:
+            sequences.append((sign * ramp((np.arange(n) - start) / length), 1))
+    best = min(path_cost(v, lanes, k, 0.05**2, 0.2**2) for lanes, k in sequences)
+    # Each survivor keeps one filter only: a path that would have won later may be dropped where it is behind by a little.
+    assert cost <= best + 2.0
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("missed", [1, 2, 3, 4])
+def test_trace_that_begins_in_a_change_counts_its_lanes_from_the_nearer_one(missed, side):
+    v, lanes = trace(80 + missed, changes=[(0, side)], bias=1.0, drift=0.02, noise=0.05, width=3.5, seed=missed)
+    found, _ = relative_lanes(v[None, missed:], np.full(80, 3.5), drift_variance=0.02**2, white_variance=0.05**2)
+    assert np.abs(found[0] - (lanes[missed:] - np.rint(lanes[missed]))).max() < 0.15
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_merge_is_told_from_errors_that_turn_on_a_bend(seed):
+    random = np.random.default_rng(seed)
+    bearing = np.linspace(-1.0, 1.0, 100)
+    turning = np.column_stack([-np.sin(bearing), np.cos(bearing) - 1.0])
+    v, lanes = trace(100, changes=[(40, -1)] if seed % 2 else [], bias=0.0, drift=0.05, noise=0.4, width=3.5, seed=seed)
+    v += turning @ (2.0 * random.standard_normal(2))
+    sizes = {"drift_variance": 0.05**2, "white_variance": 0.4**2, "turning": turning, "error_variance": 2.0**2}
+    found, cost = relative_lanes(v[None], np.full(100, 3.5), **sizes)
+    np.testing.assert_array_equal(np.rint(found[0][[0, -1]]), np.rint(lanes[[0, -1]]))
+    twin = path_cost(v, found[0], changes_in(found[0]), 0.05**2, 0.4**2, turning=turning, error_variance=2.0**2)
+    assert cost == pytest.approx(twin, abs=1e-6)
+
+
+def test_missing_stations_do_not_hide_a_change():
+    v, _ = trace(140, changes=[(60, -1)], bias=1.0, drift=0.05, noise=0.2, width=3.5, seed=1)
+    sparse = np.full(140, np.nan)
+    sparse[4::8] = v[4::8]  # a fix every 80 m
+    found, _ = relative_lanes(sparse[None], np.full(140, 3.5), drift_variance=0.05**2, white_variance=0.2**2)
+    assert found[0, 30] == 0
+    assert found[0, 120] == -1
+
+
+def test_slow_drift_of_a_whole_lane_is_no_change():
+    v = np.linspace(0, 3.5, 140)
+    found, _ = relative_lanes(v[None], np.full(140, 3.5), drift_variance=0.1**2, white_variance=0.2**2)
+    np.testing.assert_array_equal(found, 0.0)

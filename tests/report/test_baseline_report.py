@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+from builders import paper_layout
+
+from wzsumo.case.result_folder import ResultFolder
+from wzsumo.figures.map_figures import draw_baseline_paths, draw_crowd_and_slam
+from wzsumo.files.layout import layout_geojson
+from wzsumo.files.ros_map import write_map
+from wzsumo.grid import blank_grid
+from wzsumo.path import ReferencePath
+from wzsumo.report.report import best_method
+from wzsumo.report.tables import goal_rows
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Two maps of the paper's zone, free everywhere, and a path on each to the own lane, on one to the open lane too."""
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "paths").mkdir()
+    path = ReferencePath(poses=np.array([[200.0, 5.0, 0.0], [900.0, 5.0, 0.0], [1400.0, 5.0, 0.0]]))
+    for name in ("swept", "slam_raw"):
+        write_map(blank_grid((200, -5, 1400, 16), resolution=1.0, p_occupied=0.0), tmp_path / "maps", name=name)
+        path.to_csv(tmp_path / "paths" / f"{name}.csv")
+    path.to_csv(tmp_path / "paths" / "slam_raw_to_open_lane.csv")
+    return ResultFolder(
+        folder=tmp_path, result={"methods": {"swept": {}, "slam_raw": {}}}, layout=layout_geojson(paper_layout())
+    )
+
+
+def labels_of(figure):
+    return {text.get_text() for text in figure.legends[0].get_texts()}
+
+
+def test_every_baseline_has_a_row_with_both_its_paths(run):
+    figure = draw_baseline_paths(run, ["slam_raw", "hd_map"])
+    assert len(figure.axes) == 2
+    assert [len(axes.lines) for axes in figure.axes] == [2, 0]
+    assert {"path to the ego's own lane", "path to the open lane", "drivable area", "free"} <= labels_of(figure)
+
+
+def test_crowd_and_slam_stand_in_one_figure_with_the_truth(run):
+    figure = draw_crowd_and_slam(run, "swept", "slam_raw")
+    assert labels_of(figure) >= {"free by the crowd (swept)", "occupied by slam_raw", "drivable area (truth)", "path on swept"}
+
+
+def test_best_method_is_one_of_the_crowd_even_where_a_baseline_scores_higher():
+    methods = {"swept": {"outcome": "REACHED_GOAL", "iou": 0.7}, "slam_barrier": {"outcome": "REACHED_GOAL", "iou": 0.9}}
+    assert best_method(methods) == "swept"
+    assert best_method({"slam_barrier": methods["slam_barrier"]}) is None
+
+
+def test_goal_rows_say_what_the_path_to_each_goal_does_and_dash_what_there_is_not():
+    goals = {
+        "own_lane": {"planned_outcome": "STRUCK_DEVICE", "closed_area_share": 0.425, "n_devices_struck": 8},
+        "open_lane": {"planned_outcome": "NO_PATH", "closed_area_share": None, "n_devices_struck": None},
+    }
+    (row,) = goal_rows({"hd_map": {"precision": 0.5, "recall": None, "iou": 0.4, "goals": goals}, "old": {"precision": 1.0}})
+    assert row["own_lane_outcome"] == "struck device"
+    assert (row["own_lane_closed"], row["own_lane_struck"]) == ("42.5 %", "8")
+    assert (row["open_lane_outcome"], row["open_lane_closed"], row["open_lane_struck"]) == ("no path", "-", "-")
+    assert (row["precision"], row["recall"]) == ("50.0 %", "-")

@@ -1,0 +1,59 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+from shapely.geometry import mapping
+
+from wzsumo.case.result_folder import ResultFolder
+from wzsumo.report.drive_player import player_data
+from wzsumo.vehicle import VehicleGeometry
+
+CAR = VehicleGeometry()
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Two seconds at 10 m/s along +x at 20 commands a second, one vehicle passing at 20 m/s, another there for a second."""
+    (tmp_path / "drives").mkdir()
+    time = 100.05 + 0.05 * np.arange(41)
+    log = {"time_s": time, "x_m": 10 * (time - 100), "y_m": 5.0, "heading_rad": 0.0, "speed_mps": 10.0}
+    pd.DataFrame(log).to_csv(tmp_path / "drives" / "swept.csv", index=False)
+    ticks = np.round(100.1 + 0.1 * np.arange(20), 3)
+    passing = pd.DataFrame({"vehicle_id": "b", "time_s": ticks, "x_m": 20 * (ticks - 100), "y_m": 8.6, "speed_mps": 20.0})
+    leaving = pd.DataFrame({"vehicle_id": "a", "time_s": ticks[:10], "x_m": 50.0, "y_m": 8.6, "speed_mps": 0.0})
+    traffic = pd.concat([passing, leaving]).assign(heading_rad=0.0, length_m=4.8, width_m=1.85)
+    traffic.to_parquet(tmp_path / "drives" / "swept_traffic.parquet")
+    areas = {"drivable": shapely.box(0, 0, 60, 7), "closed_area": shapely.box(0, 7, 60, 12), "pavement": shapely.Polygon()}
+    features = [{"properties": {"name": name}, "geometry": mapping(area)} for name, area in areas.items()]
+    return ResultFolder(folder=tmp_path, result={"methods": {"swept": {}}}, layout={"areas": [], "features": features})
+
+
+def test_played_drive_has_a_frame_each_fifth_of_a_second_at_the_vehicle_centre(run):
+    data = json.loads(player_data(run, "swept"))
+    assert data["frame_s"] == 0.2
+    # 100.2 .. 102.0 s
+    assert [row[0] for row in data["ego"]] == pytest.approx(
+        [10 * 0.2 * k + CAR.axle_to_centre_m for k in range(1, 11)], abs=0.006
+    )
+    assert {tuple(row[1:]) for row in data["ego"]} == {(5.0, 0.0, 10.0)}
+
+
+def test_played_drive_shows_each_other_vehicle_while_it_is_there_under_one_number(run):
+    others = json.loads(player_data(run, "swept"))["others"]
+    assert len(others) == 10
+    assert [len(frame) for frame in others] == [2] * 5 + [1] * 5
+    (passing,) = {frame[0][3] for frame in others}
+    assert [row[0] for frame in others for row in frame if row[3] == passing] == pytest.approx([4.0 * k for k in range(1, 11)])
+
+
+def test_played_drive_has_the_areas_as_rings_without_empty_ones(run):
+    areas = json.loads(player_data(run, "swept"))["areas"]
+    assert areas["pavement"] == []
+    assert shapely.Polygon(areas["closed_area"][0]).area == pytest.approx(300)
+
+
+def test_method_without_a_drive_is_not_played(run):
+    assert player_data(run, "lanes") is None
+    assert player_data(run, None) is None

@@ -1,0 +1,97 @@
+import re
+
+import pandas as pd
+import pytest
+from PIL import Image
+from sweep_trials import FLEET, a_study, sweep
+
+from wzsumo.errors import InputError
+from wzsumo.report.sweep_report import write_sweep_report
+from wzsumo.sweep import agenda as engine
+from wzsumo.sweep.results import read_results
+
+
+def evaluate(fleet, cases):
+    """Maps that grow better with traces and worse with the GNSS error; four traces are refused."""
+    rows = []
+    for case in cases:
+        used, error = case.scenario.crowd.used, case.scenario.gnss.error_m
+        row = {"case": case.id, "status": "DONE", "reason": "", "plan_status": "FOUND", "safe_plan": used >= 2 + error}
+        row |= {"iou": min(used / 5 - 0.1 * error, 1) + 0.01 * case.scenario.seed, "precision": 0.9, "recall": 0.8}
+        row |= {"planned_min_clearance_devices_m": 0.5, "minutes_to_collect": used / case.scenario.crowd.penetration / 25}
+        if case.method == "hd_map":
+            row |= {"safe_plan": used == 1, "minutes_to_collect": None}
+        refused = {"case": case.id, "status": "REFUSED", "reason": "<script>alert(1)</script>"}
+        rows.append(refused if used == 4 else row)
+    return rows
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("study")
+    study = a_study(
+        methods=("swept", "lanes", "hd_map"),
+        seed=[1, 2],
+        crowd__used=[1, 2, 3, 4],
+        gnss__error_m=[0.0, 1.0],
+        crowd__penetration=[0.1, 0.2],
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "simulate", lambda _scenario: FLEET)
+        patch.setattr(engine, "evaluate", evaluate)
+        sweep(study, out)
+    alone = out / "cases" / study.cases[0].id
+    alone.mkdir(parents=True)
+    (alone / "report.html").write_text("what `wzsumo run --case` would write")
+    write_sweep_report(out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    return (folder / "report.html").read_text()
+
+
+def test_page_says_how_many_traces_each_method_needs_at_each_error(page):
+    answer = re.search(r'<div class="answer">(.*?)</div>', page, flags=re.S).group(1)
+    for text in ("swept at a GNSS error of 0 m: 2 trace(s)", "swept at a GNSS error of 1 m: 3 trace(s)"):
+        assert text in answer, answer
+    assert "hd_map: a safe plan in 33% of the cases, n = 2 seeds." in answer
+    assert "hd_map at" not in answer
+
+
+def test_page_stands_alone_and_escapes_what_a_case_says(page):
+    sources = re.findall(r"""<[a-z][^>]*?\s(?:src|href)\s*=\s*["']?([^"'\s>]{0,30})""", page)
+    assert len([source for source in sources if source.startswith("data:image/png;base64,")]) == 4
+    assert all(source.startswith(("data:image/png;base64,", "cases/")) for source in sources)
+    assert not re.search(r"https?://|url\(|@import", page)
+    assert "<script>alert" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
+
+
+def test_page_lists_every_case_by_name_and_links_the_one_that_was_run_alone(folder, page):
+    first, *others = read_results(folder)["case"]
+    assert len(others) == 95
+    assert set(re.findall(r'class="case">(\w+)<', page)) == set(others)
+    assert f'<a href="cases/{first}/report.html">{first}</a>' in page
+
+
+def test_figures_are_what_the_factors_allow(folder):
+    assert sorted(path.stem for path in (folder / "figures").iterdir()) == ["methods", "minutes", "outcome", "quality"]
+    for path in (folder / "figures").iterdir():
+        with Image.open(path) as image:
+            assert image.width == 1575  # 10.5 in at 150 dpi
+
+
+def test_summary_table_gives_the_means_of_the_cases(folder):
+    summary = pd.read_csv(folder / "tables" / "summary.csv")
+    cell = summary[(summary["measure"] == "iou") & (summary["method"] == "lanes") & (summary["crowd.used"] == 3)]
+    expected = 3 / 5 - 0.1 * cell["gnss.error_m"] + 0.01 * 1.5  # seeds 1 and 2
+    assert cell["mean"].to_numpy() == pytest.approx(expected.to_numpy())
+    assert (cell["n"] == 2).all()
+    assert {path.suffix for path in (folder / "tables").iterdir()} == {".csv", ".md", ".parquet", ".tex"}
+
+
+def test_report_of_a_study_without_results_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"holds no study\.json"):
+        write_sweep_report(tmp_path)

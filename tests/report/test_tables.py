@@ -1,0 +1,50 @@
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from wzsumo.case.result_folder import ResultFolder
+from wzsumo.figures.traffic_figures import draw_space_time
+from wzsumo.metrics.traffic import MINUTE_COLUMNS, STATION_COLUMNS, VEHICLE_COLUMNS, TrafficSummary
+from wzsumo.report.tables import traffic_rows
+
+LAYOUT = {"areas": [{"name": "merging taper", "start_m": 200, "end_m": 400}, {"name": "work $", "start_m": 400, "end_m": 800}]}
+
+
+def test_rows_carry_their_unit_and_a_dash_where_nothing_was_measured():
+    rows = dict(traffic_rows({"throughput_vph": 1370.77, "queue_discharge_vph": None, "nox_g_per_vkm": 0.0939}))
+    assert list(rows.values()) == ["1371 veh/h", "-", "0.094 g per veh km"]
+    assert traffic_rows({}) == []
+
+
+def test_space_time_diagram_shows_every_cell_at_its_time_and_station(tmp_path):
+    time, station = np.meshgrid(np.arange(0, 60, 10.0), np.arange(0, 1000, 20.0), indexing="ij")
+    speed = np.where(station < 300, 5.0, 25.0)
+    speed[0, 10:] = np.nan
+    columns = {"time_s": time, "station_m": station, "speed_mps": speed}
+    cells = pd.DataFrame({name: values.ravel() for name, values in columns.items()})
+    figure = draw_space_time(ResultFolder(folder=tmp_path, result={}, layout=LAYOUT), cells)
+    axes, scale = figure.axes
+    (mesh,) = axes.collections
+    shown = mesh.get_array()
+    assert shown.shape == (50, 6)  # stations up, times across
+    np.testing.assert_array_equal(shown.filled(np.nan), speed.T)
+    assert axes.get_xlim() == (0, 60)
+    assert axes.get_ylim() == (0, 1000)
+    assert scale.get_ylabel() == "speed [m/s]"
+    assert mesh.get_clim() == (0, pytest.approx(25))
+
+
+def test_page_of_measures_names_every_figure_and_column_of_a_run():
+    page = (Path(__file__).parents[2] / "docs" / "traffic_measures.md").read_text(encoding="utf-8")
+    figures = [field.name for field in fields(TrafficSummary)]
+    assert {
+        name for name in [*figures, *VEHICLE_COLUMNS, *MINUTE_COLUMNS, *STATION_COLUMNS] if f"`{name}`" not in page
+    } == set()
+
+
+def test_every_figure_of_a_run_has_a_row_in_the_report():
+    figures = [field.name for field in fields(TrafficSummary)]
+    assert len(traffic_rows(dict.fromkeys(figures, 1.0))) == len(figures)

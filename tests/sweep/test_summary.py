@@ -1,0 +1,103 @@
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import bootstrap
+
+from wzsumo.errors import InputError
+from wzsumo.sweep.summary import compare, latex, markdown, summarise, traces_needed, write_table
+
+
+def results(*, seeds=8, methods=("swept",), used=(1,), value=lambda *_: 0.5):
+    """A table of finished cases whose IoU is `value`, a row a seed, method and number of traces."""
+    rows = [
+        (seed, method, n, value(seed, method, n)) for seed in range(seeds) for method in methods for n in used
+    ]  # fmt: skip
+    table = pd.DataFrame(rows, columns=["seed", "method", "crowd.used", "iou"]).assign(scenario="paper", status="DONE")
+    table.attrs["factors"] = ["seed", "crowd.used"]
+    return table
+
+
+def test_mean_median_and_interval_are_those_of_scipy():
+    sample = np.random.default_rng(3).beta(5, 2, 12)
+    summary = summarise(results(seeds=12, value=lambda seed, *_: sample[seed]), "iou", by=["method"]).iloc[0]
+    assert (summary["n"], summary["mean"], summary["median"]) == (
+        12,
+        pytest.approx(sample.mean()),
+        pytest.approx(np.median(sample)),
+    )
+    theirs = bootstrap(
+        (sample,), np.mean, method="percentile", n_resamples=100_000, rng=np.random.default_rng(1)
+    ).confidence_interval
+    width = theirs.high - theirs.low
+    assert summary["low"] == pytest.approx(theirs.low, abs=0.05 * width)
+    assert summary["high"] == pytest.approx(theirs.high, abs=0.05 * width)
+
+
+def test_interval_over_seeds_that_are_not_all_there_is_that_of_those_there_are():
+    table = results(seeds=8, value=lambda seed, *_: seed / 10)
+    table.loc[table["seed"] > 5, "status"] = "REFUSED"
+    whole = summarise(results(seeds=6, value=lambda seed, *_: seed / 10), "iou", by=["method"]).iloc[0]
+    part = summarise(table, "iou", by=["method"]).iloc[0]
+    assert (part["n"], part["mean"]) == (whole["n"], whole["mean"]) == (6, pytest.approx(0.25))
+    assert part["low"] == pytest.approx(whole["low"], abs=0.02)
+
+
+def test_rows_of_one_seed_count_as_one():
+    """Ten equal rows a seed tell no more of the scatter over seeds than one."""
+    once, often = (results(seeds=6, used=range(n), value=lambda seed, *_: seed / 10) for n in (1, 10))
+    pd.testing.assert_frame_equal(summarise(often, "iou", by=["method"]), summarise(once, "iou", by=["method"]))
+
+
+def test_interval_of_a_constant_is_a_point_and_that_of_one_seed_is_not_known():
+    assert summarise(results(), "iou", by=[])[["mean", "low", "high"]].to_numpy().tolist() == [[0.5, 0.5, 0.5]]
+    assert summarise(results(seeds=1), "iou", by=[])[["low", "high"]].isna().all(axis=None)
+
+
+def test_paired_difference_leaves_out_the_chance_that_the_pairs_share():
+    chance = np.random.default_rng(2).normal(0, 10, 8)
+    table = results(
+        methods=("swept", "lanes"),
+        used=(1, 2),
+        value=lambda seed, method, used: chance[seed] + 0.1 * used * (method == "lanes"),
+    )
+    found = compare(table, "iou", between="method", against="swept", by=["crowd.used"])
+    assert found["method"].tolist() == ["lanes", "lanes"]
+    assert found[["difference", "low", "high"]].to_numpy() == pytest.approx(np.array([[0.1] * 3, [0.2] * 3]), abs=1e-9)
+    assert found[["n", "share_above"]].to_numpy().tolist() == [[8, 1], [8, 1]]
+
+
+def test_pair_with_one_half_refused_is_no_pair():
+    table = results(methods=("swept", "lanes"))
+    table.loc[(table["seed"] == 3) & (table["method"] == "swept"), "status"] = "REFUSED"
+    assert compare(table, "iou", between="method", against="swept")["n"].tolist() == [7]
+
+
+def test_traces_needed_are_those_from_which_on_all_larger_numbers_suffice():
+    safe = {1: 8, 2: 4, 5: 8, 10: 8}  # seeds with a safe plan, of 8: one trace was luck
+    table = results(used=tuple(safe), value=lambda *_: 0.5)
+    table["safe_plan"] = [seed < safe[n] for seed, n in zip(table["seed"], table["crowd.used"], strict=True)]
+    table["minutes_to_collect"] = 2.0 * table["crowd.used"]
+    assert traces_needed(table, by=["method"]).to_numpy().tolist() == [["swept", 5.0, 10.0, 8, 1, 1.0]]
+    table["safe_plan"] = table["crowd.used"] < 10
+    assert traces_needed(table, by=["method"])[["traces", "minutes"]].isna().all(axis=None)
+
+
+@pytest.mark.parametrize(("measure", "by"), [("iuo", ["method"]), ("iou", ["speed"])])
+def test_column_that_is_not_there_is_refused_with_those_that_are(measure, by):
+    with pytest.raises(InputError, match=r"not in the table; it has .*iou"):
+        summarise(results(), measure, by=by)
+
+
+def test_comparison_with_a_level_that_is_not_there_is_refused_with_those_that_are():
+    with pytest.raises(InputError, match=r"method='lanes'; there is \['swept'\]"):
+        compare(results(), "iou", between="method", against="lanes")
+
+
+def test_tables_for_papers_escape_what_their_language_reads(tmp_path):
+    frame = pd.DataFrame({"crowd.used_n": [5], "share|%": [0.123456]})
+    assert markdown(frame).splitlines() == ["| crowd.used_n | share\\|% |", "| --- | --- |", "| 5 | 0.1235 |"]
+    assert r"crowd.used\_n & share|\% \\" in latex(frame)
+    assert r"5 & 0.1235 \\" in latex(frame)
+    paths = write_table(frame, tmp_path, "t")
+    assert sorted(path.suffix for path in paths) == [".csv", ".md", ".parquet", ".tex"]
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "t.parquet"), frame)

@@ -1,0 +1,108 @@
+"""What `import wzsumo` gives beside the nouns: the verbs of the command line, for programs and notebooks."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from wzsumo.case import case
+from wzsumo.case.baselines import BASELINE_METHODS
+from wzsumo.case.case import Progress, quiet_progress
+from wzsumo.case.methods import MAP_METHODS
+from wzsumo.case.traces_map import map_of_traces
+from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
+from wzsumo.errors import SpecError
+from wzsumo.files.output import staged_folder
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.plan import Plan, plan_path
+from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.report.report import write_report
+from wzsumo.scenario.scenario import Scenario
+from wzsumo.simulation.connection import refuse_without_display
+from wzsumo.vehicle import VehicleGeometry
+
+
+def run_case(
+    scenario: Scenario,
+    out: Path | str,
+    *,
+    methods: Iterable[str] | None = None,
+    progress: Progress = quiet_progress,
+    in_window: bool = False,
+) -> dict[str, Any]:
+    """Figures of one case, as in the result.json that it writes into `out` beside maps, paths, drives and report.html.
+
+    `methods` are names of MAP_METHODS and BASELINE_METHODS. Where none are given they are those of MAP_METHODS, and where the
+    scenario has a section `slam` all. `in_window` shows each drive live in sumo-gui. Nothing is written where the case cannot
+    be run.
+
+    >>> import wzsumo
+    >>> scenario = wzsumo.load_scenario("scenarios/paper.toml", seed=21)
+    >>> result = wzsumo.run_case(scenario, "results/mine", methods=["swept"])  # doctest: +SKIP
+    >>> result["methods"]["swept"]["iou"]                                      # doctest: +SKIP
+    """
+    known = [*MAP_METHODS, *BASELINE_METHODS]
+    chosen = list(methods) if methods is not None else known if scenario.slam else list(MAP_METHODS)
+    _refuse_unknown(chosen, known=known)
+    if in_window:
+        refuse_without_display()
+    with staged_folder(Path(out)) as stage:
+        result = case.run_case(scenario, stage, methods=chosen, progress=progress, in_window=in_window)
+        write_report(stage)
+    return result
+
+
+def build_map(traces: pd.DataFrame, *, method: str = "swept", seed: int, resolution_m: float = 0.127) -> OccupancyGrid:
+    """The map of anybody's traces: a table with vehicle_id, time_s, x_m, y_m, one row a fix, metres of a local frame.
+
+    Free cells have p_occupied below 0.196; where nobody drove is unknown, not free. Raises InputError where the table is none.
+
+    >>> import pandas as pd, wzsumo
+    >>> x = [float(x) for x in range(0, 200, 2)]
+    >>> tracks = [pd.DataFrame({"vehicle_id": f"v{n}", "time_s": x, "x_m": x, "y_m": 0.2 * n}) for n in range(4)]
+    >>> grid = wzsumo.build_map(pd.concat(tracks), seed=1, resolution_m=0.25)
+    >>> bool(grid.free[grid.cell_of([[100.0, 0.3]])][0])
+    True
+    """
+    _refuse_unknown([method], known=list(MAP_METHODS))
+    usable = usable_traces(traces, source="traces").traces
+    grid, _ = map_of_traces(
+        usable, source="traces", method=method, seed=seed, resolution_m=resolution_m, before=None, progress=quiet_progress
+    )
+    return grid
+
+
+def plan(
+    grid: OccupancyGrid,
+    *,
+    start: Sequence[float],
+    goal: Sequence[float],
+    vehicle: VehicleGeometry | None = None,
+    spec: PlannerSpec | None = None,
+) -> Plan:
+    """The plan from `start` to `goal`, poses (x [m], y [m], heading [rad]) of the REAR AXLE, on a map.
+
+    A path that does not exist is a plan without one: `plan.path` is None and `plan.reason` says why.
+
+    >>> import wzsumo
+    >>> grid = wzsumo.blank_grid((0, -5, 120, 5), resolution=0.25, p_occupied=0.0)
+    >>> found = wzsumo.plan(grid, start=(10, 0, 0), goal=(100, 1, 0))
+    >>> str(found.status), round(float(found.path.arc_length[-1]))
+    ('FOUND', 90)
+    """
+    x, y, heading = map(float, start)
+    goal_x, goal_y, goal_heading = map(float, goal)
+    return plan_path(
+        grid,
+        start=(x, y, heading),
+        goal=(goal_x, goal_y, goal_heading),
+        vehicle=vehicle or VehicleGeometry(),
+        spec=spec or PlannerSpec(),
+    )
+
+
+def _refuse_unknown(methods: Sequence[str], *, known: Sequence[str]) -> None:
+    unknown = [name for name in methods if name not in known]
+    if unknown:
+        raise SpecError(f"method {unknown[0]}: unknown; known methods: {', '.join(known)}")

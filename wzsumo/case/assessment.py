@@ -1,0 +1,89 @@
+"""What a case came to: the map against the truth, the planned and the driven path against devices, edges and closed area."""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+import pandas as pd
+
+from wzsumo.case.crowd import Crowd
+from wzsumo.ego import EgoRun, Outcome
+from wzsumo.grid import OccupancyGrid
+from wzsumo.metrics.clearance import clearance_along
+from wzsumo.metrics.contact import contact_along
+from wzsumo.metrics.delay_behind import delay_behind
+from wzsumo.metrics.drive import measure_drive
+from wzsumo.metrics.map_quality import quality_of_cells
+from wzsumo.planning.plan import Plan
+from wzsumo.scenario.scenario import Scenario
+from wzsumo.scenario.site import Site
+
+
+def assess(
+    grid: OccupancyGrid,
+    plan: Plan,
+    run: EgoRun | None,
+    *,
+    crowd: Crowd | None,
+    over_zone: pd.DataFrame,
+    scenario: Scenario,
+    site: Site,
+) -> dict[str, Any]:
+    """Figures of one method, as result.json has them; `run` is None where nothing was driven, `crowd` where none was asked.
+
+    `over_zone` are the traces of the fleet without the ego.
+    """
+    quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
+    planned, driven = (
+        None if poses is None else asdict(clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout))
+        for poses in (plan.path.poses if plan.path else None, run.poses if run is not None and len(run.log) > 1 else None)
+    )
+    first = driven or planned or {}
+    return {
+        "outcome": str(run.outcome if run else Outcome.NO_PATH),
+        "reason": run.reason if run else f"{plan.status}: {plan.reason}",
+        "n_traces": int(crowd.traces["vehicle_id"].nunique()) if crowd else None,
+        "n_components": crowd.mixture.n_components if crowd else None,
+        **asdict(quality),
+        "min_clearance_devices_m": first.get("min_clearance_devices_m"),
+        "min_clearance_road_edge_m": first.get("min_clearance_road_edge_m"),
+        "closed_area_share": first.get("closed_area_share"),
+        "planned": planned,
+        "driven": driven,
+        "plan_status": str(plan.status),
+        "plan_speed_mps": plan.speed_mps,
+        "plan_risk_m": plan.risk_m,
+        "n_expansions": plan.n_expansions,
+        "drive_time_s": float(run.log["time_s"].iloc[-1] - run.log["time_s"].iloc[0]) if driven and run else None,
+        "max_cross_track_m": float(run.log["cross_track_m"].abs().max()) if driven and run else None,
+        "drive": _drive_figures(run, over_zone, scenario=scenario, site=site) if driven and run else None,
+        "n_replans": len(run.replans) if run else 0,
+        "replans": [asdict(replan) for replan in run.replans] if run else [],
+        "plan_ms": plan.timings_ms["total"],
+    }
+
+
+def _drive_figures(run: EgoRun, over_zone: pd.DataFrame, *, scenario: Scenario, site: Site) -> dict[str, Any]:
+    caused = delay_behind(run.log, run.followers, over_zone, road=site.layout.road, vehicle=scenario.vehicle)
+    return asdict(measure_drive(run, scenario.vehicle, road=site.layout.road)) | asdict(caused)
+
+
+def site_with_open_goal(site: Site) -> Site | None:
+    """The site with the goal in the open lane; None where the scenario names none."""
+    return None if site.open_goal is None else replace(site, goal=site.open_goal)
+
+
+def goal_figures(plan: Plan, *, lane: int, scenario: Scenario, site: Site) -> dict[str, Any]:
+    """What the planned path to one goal does, as if it were driven exactly and nobody else were on the road."""
+    figures: dict[str, Any] = {"lane": lane, "plan_status": str(plan.status), "planned_outcome": "NO_PATH"}
+    if plan.path is None:
+        return figures | {"reason": plan.reason, "closed_area_share": None, "n_devices_struck": None, "length_m": None}
+    poses = plan.path.poses
+    contact = contact_along(poses, vehicle=scenario.vehicle, layout=site.layout)
+    clearance = clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout)
+    return figures | {
+        "planned_outcome": str(contact.outcome),
+        "first_contact_m": contact.first_contact_m,
+        "n_devices_struck": contact.n_devices_struck,
+        "length_m": float(plan.path.arc_length[-1]),
+        **asdict(clearance),
+    }

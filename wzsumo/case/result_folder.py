@@ -1,0 +1,181 @@
+"""ResultFolder: what one run wrote, read back for its report."""
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import shapely
+from shapely.geometry import shape
+from shapely.geometry.base import BaseGeometry
+
+from wzsumo.errors import InputError
+from wzsumo.files.ros_map import read_map
+from wzsumo.grid import BoolArray, OccupancyGrid, cells_inside
+from wzsumo.road import Road
+from wzsumo.vehicle import VehicleGeometry
+from wzsumo.work_zone import DEVICE_COLUMNS, SIGN_COLUMNS
+
+NEEDED_FILES = ("result.json", "layout.geojson", "traces.parquet", "mixture_sweep.csv", "mixture.json", "samples.csv")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultFolder:
+    """The files of one run. World frame, metres; stations are those of `road`."""
+
+    folder: Path
+    result: Mapping[str, Any]
+    layout: Mapping[str, Any]
+
+    @property
+    def methods(self) -> dict[str, Mapping[str, Any]]:
+        """What was measured of every mapping method, by its name, in the order of the run."""
+        return dict(self.result.get("methods") or {})
+
+    @property
+    def areas(self) -> list[tuple[str, float, float]]:
+        """Name, start and end [m] of every area of the zone."""
+        return [(str(a["name"]), float(a["start_m"]), float(a["end_m"])) for a in self.layout["areas"]]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Stations [m] where the zone starts and ends."""
+        return min(start for _, start, _ in self.areas), max(end for _, _, end in self.areas)
+
+    @cached_property
+    def polygons(self) -> dict[str, BaseGeometry]:
+        """The drivable area, the closed area and the pavement."""
+        found = {f["properties"]["name"]: f["geometry"] for f in self.layout["features"]}
+        return {name: shape(found[name]) for name in ("drivable", "closed_area", "pavement")}
+
+    @cached_property
+    def road(self) -> Road:
+        """The road that the zone is on."""
+        (line,) = [f for f in self.layout["features"] if f["properties"]["name"] == "reference_line"]
+        section = line["properties"]
+        return Road(
+            reference_line=np.array(line["geometry"]["coordinates"], dtype=float),
+            lane_widths=tuple(section["lane_widths_m"]),
+            left_shoulder=section["left_shoulder_m"],
+            right_shoulder=section["right_shoulder_m"],
+            opposing_lanes=section["opposing_lanes"],
+        )
+
+    @cached_property
+    def devices(self) -> pd.DataFrame:
+        """Every channelizing device, in DEVICE_COLUMNS."""
+        return self._points("device", DEVICE_COLUMNS)
+
+    @cached_property
+    def signs(self) -> pd.DataFrame:
+        """Every sign, in SIGN_COLUMNS."""
+        return self._points("sign", SIGN_COLUMNS)
+
+    def lanes_at(self, station: float) -> list[tuple[float, float]]:
+        """Offsets (right, left) [m] of every lane that is open at a station."""
+        cut = shapely.LineString(self.road.to_xy(station, [-self.road.right_shoulder - 1, self.road.left_edge + 1]))
+        found = []
+        for feature in self.layout["features"]:
+            place = feature["properties"]
+            if place["name"] == "lane" and place["start_m"] <= station < place["end_m"]:
+                _, offsets = self.road.to_sd(shapely.get_coordinates(shape(feature["geometry"]).intersection(cut)))
+                found.append((float(offsets.min()), float(offsets.max())))
+        return sorted(found)
+
+    @cached_property
+    def used_traces(self) -> pd.DataFrame:
+        """The fixes that the maps were made from."""
+        traces = pd.read_parquet(self.folder / "traces.parquet")
+        return traces[traces["used"].astype(bool)]
+
+    @property
+    def vehicle(self) -> VehicleGeometry:
+        """The ego's outline, as the run's effective spec has it."""
+        spec = self.folder / "scenario.toml"
+        table = tomllib.loads(spec.read_text(encoding="utf-8")) if spec.exists() else {}
+        return VehicleGeometry.model_validate(table.get("vehicle", {}))
+
+    @property
+    def sweep(self) -> pd.DataFrame:
+        """n_components, log_likelihood, aic and bic of every mixture that was tried."""
+        return pd.read_csv(self.folder / "mixture_sweep.csv")
+
+    @property
+    def mixture(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Weights (k,), means (k, 2) [m] and covariances (k, 2, 2) [m^2] of the chosen mixture, in stations and offsets."""
+        mixture = json.loads((self.folder / "mixture.json").read_text(encoding="utf-8"))
+        return np.array(mixture["weights"]), np.array(mixture["means"]), np.array(mixture["covariances"])
+
+    @property
+    def samples(self) -> pd.DataFrame:
+        """x_m and y_m of the points drawn from the mixture."""
+        return pd.read_csv(self.folder / "samples.csv")
+
+    @cached_property
+    def traffic_cells(self) -> pd.DataFrame | None:
+        """time_s, station_m, flow_vph, density_vpkm and speed_mps of every cell of the space-time grid; None: not measured."""
+        path = self.folder / "traffic" / "cells.parquet"
+        return pd.read_parquet(path) if path.exists() else None
+
+    def map_of(self, method: str) -> OccupancyGrid | None:
+        """The map of a method, None where it made none."""
+        path = self.folder / "maps" / f"{method}.yaml"
+        return read_map(path) if path.exists() else None
+
+    def path_of(self, method: str) -> pd.DataFrame | None:
+        """The planned path of a method (rear axle), None where none was found."""
+        return _table(self.folder / "paths" / f"{method}.csv")
+
+    def drive_of(self, method: str) -> pd.DataFrame | None:
+        """The ego's log of the drive on a method's path, None where nothing was driven."""
+        return _table(self.folder / "drives" / f"{method}.csv")
+
+    def drive_traffic_of(self, method: str) -> pd.DataFrame | None:
+        """The trace table of the vehicles near the ego on that drive, None where nothing was driven."""
+        path = self.folder / "drives" / f"{method}_traffic.parquet"
+        return pd.read_parquet(path) if path.exists() else None
+
+    def truth_on(self, grid: OccupancyGrid) -> tuple[BoolArray, BoolArray]:
+        """Cells (rows, cols) of `grid` that lie in the zone, and those among them that are truly drivable."""
+        road, beside = self.road, 5.0  # maps reach a little beyond the pavement
+        zone = cells_inside(grid, road.strip(*self.span, -road.right_shoulder - beside, road.left_edge + beside))
+        return zone, cells_inside(grid, self.polygons["drivable"]) & zone
+
+    def _points(self, name: str, columns: tuple[str, ...]) -> pd.DataFrame:
+        rows = [
+            f["properties"] | dict(zip(("x_m", "y_m"), f["geometry"]["coordinates"], strict=True))
+            for f in self.layout["features"]
+            if f["properties"]["name"] == name
+        ]
+        return pd.DataFrame(rows, columns=list(columns))
+
+
+def read_result_folder(folder: Path) -> ResultFolder:
+    """The run of a result folder. Raises InputError where a file is missing or is not what it should be."""
+    missing = [name for name in NEEDED_FILES if not (folder / name).is_file()]
+    if missing:
+        raise InputError(f"{folder}: {', '.join(missing)} missing; a report needs the folder that `wzsumo run` wrote")
+    result, layout = (_json_object(folder / name) for name in ("result.json", "layout.geojson"))
+    features = {feature["properties"]["name"] for feature in layout.get("features") or []}
+    if not layout.get("areas") or not features >= {"drivable", "closed_area", "pavement", "reference_line"}:
+        raise InputError(f"{folder / 'layout.geojson'}: areas or features missing; run the scenario again")
+    return ResultFolder(folder=folder, result=result, layout=layout)
+
+
+def _json_object(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: not JSON ({error}); run the scenario again") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: a JSON object is needed, given: {type(content).__name__}; run the scenario again")
+    return content
+
+
+def _table(path: Path) -> pd.DataFrame | None:
+    return pd.read_csv(path) if path.exists() else None

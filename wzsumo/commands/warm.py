@@ -1,0 +1,33 @@
+"""The command `warm`: compile all kernels once."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.case.crowd import learn_from
+from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
+from wzsumo.grid import blank_grid
+
+Figures = dict[str, Any]
+
+
+def warm_up() -> Figures:
+    """Compile every numba kernel once, so that no first run waits."""
+    from wzsumo.crowd_mapping.course.reference_line import axis_of
+    from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+    from wzsumo.lidar_mapping import slam_map
+    from wzsumo.metrics import fleet_conflicts
+    from wzsumo.planning import plan
+    from wzsumo.sensing import gnss, raycast
+
+    for stage in (fleet_conflicts, plan, gnss, raycast, slam_map):
+        stage.compile_kernels()
+    s = np.arange(0.0, 300.0, 5.0)
+    traces = pd.concat(
+        pd.DataFrame({"vehicle_id": f"v{n}", "time_s": s / 20, "x_m": s, "y_m": 0.2 * n + 0.01 * np.sin(s)}) for n in range(4)
+    )
+    learn_from(traces, road=axis_of(np.array([[0.0, 0.0], [300.0, 0.0]])), spec=MixtureSpec(k_max=4), seed=1)
+    cells = blank_grid((-10.0, -10.0, 310.0, 10.0), resolution=0.5, p_occupied=1.0)
+    lane_structured_map(traces, spec=LaneStructureSpec(posted_speed_mph=45), grid=cells, seed=1)
+    return {"warm": True}

@@ -1,0 +1,77 @@
+"""Which traces of anybody's file show one road, one way: a careful analyst's look before any map is made."""
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from wzsumo.crowd_mapping.cleaning.usable_fixes import UsableTraces, merge_dropped, usable_fixes
+from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
+from wzsumo.crowd_mapping.course.station_table import tabulate
+from wzsumo.errors import TraceError
+
+PLACE_CELL_M = 100.0
+PLACE_GAP_M = 300.0  # without any fix: beyond it another place begins
+SECOND_PLACE_SHARE = 0.2  # of the traces, from which another place is no outlier but a zone of its own
+
+
+def usable_traces(table: pd.DataFrame, *, source: str) -> UsableTraces:
+    """The traces of a table of fixes that can make one map, and what was left out with the reason.
+
+    Left out are fixes that are none (see `usable_fixes`) and vehicles that stand, drive against most others, lie far beside
+    or away from them. Raises TraceError where nothing is left and where the file holds two zones.
+    """
+    fixes = usable_fixes(table, source=source)
+    traces, far = _in_one_place(fixes.traces, source=source)
+    try:
+        odd = tabulate(traces, reference_line_from_traces(traces)).dropped
+    except TraceError as error:
+        raise TraceError(f"{source}: {error}") from None
+    counts = traces["vehicle_id"].value_counts()
+    odd = odd.assign(n_fixes=counts.reindex(odd["vehicle_id"]).to_numpy())
+    kept = traces[~traces["vehicle_id"].isin(odd["vehicle_id"])].reset_index(drop=True)
+    return UsableTraces(traces=kept, dropped=merge_dropped([part for part in (fixes.dropped, far, odd) if len(part)]))
+
+
+def _in_one_place(traces: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """(traces in the place where most are; the others as dropped). Raises TraceError where many are elsewhere."""
+    place, middles = _places(traces)
+    of_vehicle = pd.Series(place).groupby(traces["vehicle_id"].to_numpy()).first()
+    counts = of_vehicle.value_counts()
+    main = int(counts.index[0])
+    away = np.hypot(*(middles - middles[main]).T)
+    if len(counts) > 1 and counts.iloc[1] >= SECOND_PLACE_SHARE * counts.iloc[0] and counts.iloc[1] > 1:
+        second = int(counts.index[1])
+        where = " and ".join(f"{counts[k]} around ({middles[k][0]:.0f}, {middles[k][1]:.0f})" for k in (main, second))
+        raise TraceError(
+            f"{source}: the traces lie in {len(counts)} places up to {away.max() / 1000:.1f} km apart, {where}; a map holds "
+            "one zone: cut the file into one for each"
+        )
+    others = of_vehicle[of_vehicle != main]
+    fixes = traces["vehicle_id"].value_counts()
+    far = pd.DataFrame(
+        {
+            "vehicle_id": others.index,
+            "n_fixes": fixes.reindex(others.index).to_numpy(),
+            "reason": [f"lies {away[k]:.0f} m away from the others" for k in others],
+        }
+    )
+    return traces[~traces["vehicle_id"].isin(others.index)].reset_index(drop=True), far
+
+
+def _places(traces: pd.DataFrame) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+    """(number of the place of each fix, middles (places, 2) [m]): cells near each other, or that a vehicle joins."""
+    xy = traces[["x_m", "y_m"]].to_numpy()
+    cells, cell_of = np.unique(np.floor(xy / PLACE_CELL_M), axis=0, return_inverse=True)
+    near = cKDTree(cells).query_pairs(PLACE_GAP_M / PLACE_CELL_M, output_type="ndarray")
+    code, _ = pd.factorize(traces["vehicle_id"])
+    steps = np.flatnonzero((np.diff(code) == 0) & (np.diff(cell_of) != 0))
+    links = np.vstack([near, np.column_stack([cell_of[steps], cell_of[steps + 1]])])
+    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(len(cells), len(cells)))
+    n_places, label = connected_components(graph, directed=False)
+    place = label[cell_of]
+    size = np.bincount(place, minlength=n_places)
+    middles = np.column_stack([np.bincount(place, weights=axis, minlength=n_places) / size for axis in xy.T])
+    return place.astype(np.intp), middles

@@ -1,0 +1,100 @@
+"""StationTable: lateral offsets of traces at common stations, and which traces could not be used."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.errors import TraceError
+from wzsumo.frames import FloatArray
+from wzsumo.grid import BoolArray
+from wzsumo.road import Road
+
+STATION_SPACING_M = 10.0  # a lane change takes 50 m and more, a kink is found to about half of this
+MIN_STATIONS = 3  # with fewer, a trace has a level but no course
+MIN_PROGRESS_M = 30.0  # a parked or crossing vehicle
+OUTLIER_M = 15.0  # from the median of the others: four lanes
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StationTable:
+    """`offsets` (traces, stations) [m]: mean lateral offset of a trace's fixes around each station, NaN where it has none.
+
+    `dropped` lists unused traces: vehicle_id, reason.
+    """
+
+    stations: FloatArray
+    offsets: FloatArray
+    vehicle_ids: tuple[str, ...]
+    dropped: pd.DataFrame
+
+    def without(self, odd: BoolArray, *, reason: str) -> "StationTable":
+        """The table without some of its traces (n,), which are named among the dropped ones."""
+        ids = np.array(self.vehicle_ids, dtype=object)
+        named = pd.DataFrame({"vehicle_id": ids[odd], "reason": reason})
+        dropped = pd.concat([self.dropped, named], ignore_index=True)
+        return replace(self, offsets=self.offsets[~odd], vehicle_ids=tuple(ids[~odd]), dropped=dropped)
+
+
+def tabulate(traces: pd.DataFrame, axis: Road, *, stations: FloatArray | None = None) -> StationTable:
+    """Offsets of a checked trace table at stations [m] of an axis; equally spaced ones over all fixes where none are given.
+
+    Traces that stand, run against the others, lie far beside them or have too few fixes are left out and named.
+    Raises TraceError where none is left.
+    """
+    s, d = axis.to_sd(np.column_stack([traces["x_m"], traces["y_m"]]))
+    if stations is None:
+        low, high = np.quantile(s, [0.001, 0.999])
+        stations = np.arange(low, high + STATION_SPACING_M, STATION_SPACING_M)
+    code, ids = pd.factorize(traces["vehicle_id"])
+    cell = np.floor((s - stations[0]) / STATION_SPACING_M + 0.5).astype(int)
+    inside = (cell >= 0) & (cell < len(stations)) & (np.abs(d - np.median(d)) < 10 * OUTLIER_M)
+    flat = code[inside] * len(stations) + cell[inside]
+    size = len(ids) * len(stations)
+    count = np.bincount(flat, minlength=size)
+    with np.errstate(invalid="ignore"):
+        offsets = (np.bincount(flat, weights=d[inside], minlength=size) / count).reshape(len(ids), -1)
+    first = np.flatnonzero(np.diff(code, prepend=-1))  # a checked table is sorted by vehicle and time
+    reasons = _reasons(offsets, progress=s[np.append(first[1:], len(s)) - 1] - s[first])
+    kept = [i for i in range(len(ids)) if i not in reasons]
+    dropped = pd.DataFrame({"vehicle_id": [ids[i] for i in reasons], "reason": list(reasons.values())})
+    if not kept:
+        raise TraceError(
+            f"none of {len(ids)} traces can be used: {dropped['reason'].iloc[0]} ({dropped['vehicle_id'].iloc[0]})"
+        )
+    return StationTable(stations=stations, offsets=offsets[kept], vehicle_ids=tuple(str(ids[i]) for i in kept), dropped=dropped)
+
+
+def _reasons(offsets: FloatArray, *, progress: FloatArray) -> dict[int, str]:
+    """Why a trace, by its row, cannot be used; `progress` (traces,) [m] is how far each advances."""
+    level = np.array([np.median(row[known]) if (known := np.isfinite(row)).any() else np.inf for row in offsets])
+    middle = np.median(level[np.isfinite(level)]) if np.isfinite(level).any() else 0.0
+    reasons: dict[int, str] = {}
+    for i, row in enumerate(offsets):
+        if progress[i] < -MIN_PROGRESS_M:
+            reasons[i] = f"runs {-progress[i]:.0f} m against the others"
+        elif np.isfinite(row).sum() < MIN_STATIONS:
+            reasons[i] = f"has fixes around {int(np.isfinite(row).sum())} stations, fewer than {MIN_STATIONS}"
+        elif progress[i] < MIN_PROGRESS_M:
+            reasons[i] = f"advances by {progress[i]:.0f} m only"
+        elif abs(level[i] - middle) > OUTLIER_M:
+            reasons[i] = f"lies {abs(level[i] - middle):.0f} m beside the others"
+    return reasons
+
+
+DEFAULT_SPEED_MPS = 26.8  # 60 mph, where the traces' own speeds say nothing
+SPEED_SPELL_S = 3.0
+
+
+def traffic_speed(traces: pd.DataFrame) -> float:
+    """85th percentile [m/s] of the speeds that vehicles reach on their way (85th percentile of each).
+
+    Source: MUTCD 11th ed., Table 6B-4: S is the posted speed or the off-peak 85th-percentile speed before the work.
+    """
+    # Over some seconds the positions' noise adds little to the speed between them.
+    spell = np.floor(traces["time_s"] / SPEED_SPELL_S).rename("spell")
+    fixes = traces.groupby(["vehicle_id", spell])[["time_s", "x_m", "y_m"]].first()
+    step = fixes.groupby(level="vehicle_id").diff()
+    reached = (np.hypot(step["x_m"], step["y_m"]) / step["time_s"]).groupby(level="vehicle_id").quantile(0.85)
+    moving = reached[np.isfinite(reached) & (reached > 3)]
+    return float(moving.quantile(0.85)) if len(moving) else DEFAULT_SPEED_MPS

@@ -1,0 +1,1 @@
+"""Which lanes there may be: patterns, closures and what the traces say of each."""

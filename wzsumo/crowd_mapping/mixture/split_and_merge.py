@@ -1,0 +1,98 @@
+"""Starts for a mixture with one component more or one less than a fitted one: promising splits and harmless merges."""
+
+import numpy as np
+
+from wzsumo.crowd_mapping.mixture.expectation_maximisation import Components, run_em, strongest
+from wzsumo.crowd_mapping.mixture.point_blocks import PointBlocks
+from wzsumo.frames import FloatArray
+
+SPLIT_ITERATIONS = 4  # of a pair on the points of the component it came from: they rank splits, no more
+MIN_POINTS_TO_SPLIT = 2
+
+
+def single_component(blocks: PointBlocks, *, reg_covar: float) -> Components:
+    """The mixture of one component: mean and covariance of all points."""
+    mean, covariance = _moments(blocks, reg_covar=reg_covar)
+    return Components(np.ones(1), mean[None], covariance[None])
+
+
+def splits(components: Components, blocks: PointBlocks, *, count: int, reg_covar: float) -> list[Components]:
+    """At most `count` starts with one component split in two along one of its axes, the largest gain in likelihood first.
+
+    The gain of a split is estimated on the points that belong most to the component, by a mixture of two of its own.
+    """
+    label = strongest(blocks.x, blocks.y, components)
+    order = np.argsort(label, kind="stable")
+    ends = np.searchsorted(label[order], np.arange(len(components.weights) + 1))
+    pairs: list[tuple[float, int, Components]] = []
+    for j in range(len(components.weights)):
+        own = blocks.select(order[ends[j] : ends[j + 1]])
+        n = len(own.x)
+        if n < MIN_POINTS_TO_SPLIT:
+            continue
+        mean, covariance = _moments(own, reg_covar=reg_covar)
+        # Log-likelihood of n points under the normal of their own moments, up to what the pair's has in common.
+        alone = -n / 2 * (np.log(np.linalg.det(covariance)) + 2 + 2 * np.log(2 * np.pi))
+        for pair in _halves(mean, covariance):
+            halves = run_em(own, pair, reg_covar=reg_covar, tol=0.0, max_iterations=SPLIT_ITERATIONS)
+            pairs.append((halves.log_likelihood - alone, j, halves.components))
+    pairs.sort(key=lambda pair: -pair[0])
+    return [_with_pair(components, j, pair) for _, j, pair in pairs[:count]]
+
+
+def merges(components: Components, *, count: int) -> list[Components]:
+    """At most `count` starts with two components merged into one of their moments, the smallest loss first.
+
+    The loss is Runnalls' bound on the Kullback-Leibler divergence (Runnalls 2007, IEEE Trans. AES 43(3), eq. 16).
+    """
+    weights, means, covariances = components
+    i, j = np.triu_indices(len(weights), 1)
+    total = weights[i] + weights[j]
+    share = np.stack([weights[i], weights[j]], axis=1) / total[:, None]
+    gap = means[i] - means[j]
+    merged = (
+        share[:, 0, None, None] * covariances[i]
+        + share[:, 1, None, None] * covariances[j]
+        + (share[:, 0] * share[:, 1])[:, None, None] * gap[:, :, None] * gap[:, None, :]
+    )
+    log_det = np.log(np.linalg.det(covariances))
+    loss = total * np.log(np.linalg.det(merged)) - weights[i] * log_det[i] - weights[j] * log_det[j]
+    starts = []
+    for pair in np.argsort(loss, kind="stable")[:count]:
+        rest = np.setdiff1d(np.arange(len(weights)), [i[pair], j[pair]])
+        mean = share[pair, 0] * means[i[pair]] + share[pair, 1] * means[j[pair]]
+        starts.append(
+            Components(
+                np.append(weights[rest], total[pair]),
+                np.vstack([means[rest], mean]),
+                np.concatenate([covariances[rest], merged[pair][None]]),
+            )
+        )
+    return starts
+
+
+def _moments(blocks: PointBlocks, *, reg_covar: float) -> tuple[FloatArray, FloatArray]:
+    """Mean (2,) and covariance (2, 2) of all points."""
+    xy = np.stack([blocks.x, blocks.y])
+    mean = xy.mean(axis=1)
+    local = xy - mean[:, None]
+    return mean, local @ local.T / xy.shape[1] + reg_covar * np.eye(2)
+
+
+def _with_pair(components: Components, j: int, pair: Components) -> Components:
+    """Component j replaced by two of them; the pair's weights are shares of its own."""
+    rest = np.arange(len(components.weights)) != j
+    scaled = pair._replace(weights=pair.weights * components.weights[j])
+    return Components(*(np.concatenate([old[rest], new]) for old, new in zip(components, scaled, strict=True)))
+
+
+def _halves(mean: FloatArray, covariance: FloatArray) -> list[Components]:
+    """Two halves of one component along each of its two axes, with its mean and covariance together."""
+    variances, axes = np.linalg.eigh(covariance)
+    out = []
+    for variance, axis in zip(variances, axes.T, strict=True):
+        # Halves of a normal lie sqrt(2/pi) standard deviations from its middle.
+        step = np.sqrt(2 / np.pi * variance) * axis
+        shrunk = covariance - step[:, None] * step
+        out.append(Components(np.full(2, 0.5), np.array([mean - step, mean + step]), np.array([shrunk, shrunk])))
+    return out

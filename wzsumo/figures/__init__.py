@@ -1,0 +1,1 @@
+"""Drawings of a zone, its maps, its traffic and of a study."""

@@ -1,0 +1,118 @@
+"""The drawing of a zone: its signs, its plan by stations, a stretch to scale with lane widths, the road as it lies."""
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from wzsumo.case.result_folder import ResultFolder
+from wzsumo.figures.unrolled import unrolled_area
+from wzsumo.figures.zone_axes import (
+    AXES_IN,
+    BLACK,
+    MARGIN_M,
+    ORANGE,
+    SKY_BLUE,
+    VERMILION,
+    add_area,
+    legend_above,
+    plain,
+    show_zone,
+    stacked_figure,
+)
+from wzsumo.units import feet_from_metres
+
+DRAWN_TO_SCALE_M = 80.0  # of the road, beside the beginning of the work
+LEVELS = 3  # heights of the names of areas, so that those of short areas keep apart
+BENDS_M = 5.0  # a road that leaves its chord by more is drawn as it lies, too
+
+
+def draw_zone(run: ResultFolder) -> Figure:
+    """The zone from above (paper: Figure 4): signs ahead of it, its areas, a stretch to scale, and the road if it bends."""
+    bends = _rise(run) > BENDS_M
+    across = run.road.left_edge + run.road.right_shoulder + 2 * MARGIN_M[1]
+    to_scale = (AXES_IN[1] - AXES_IN[0]) * across / DRAWN_TO_SCALE_M
+    heights = [0.75, 2.3, to_scale, 2.6] if bends else [0.75, 2.3, to_scale]
+    head = 1.1 if _reads_against_the_stations(run).any() else 0.4
+    figure, rows = stacked_figure(heights, gaps=[1.45, 0.75, 0.75][: len(heights) - 1], head=head)
+    _draw_signs(rows[0], run)
+    _draw_plan(rows[1], run)
+    _draw_to_scale(rows[2], run)
+    if bends:
+        _draw_as_it_lies(rows[3], run)
+    legend_above(figure, rows[1])
+    return figure
+
+
+def _draw_signs(axes: Axes, run: ResultFolder) -> None:
+    """The road from the first sign to the last, as a line, with what the signs say."""
+    signs, (start, end) = run.signs, run.span
+    axes.axhline(0, color="#777777", linewidth=3, zorder=1)
+    axes.plot([start, end], [0, 0], color=ORANGE, linewidth=6, solid_capstyle="butt", zorder=2)
+    places = signs.assign(opposing=_reads_against_the_stations(run))
+    places = places.drop_duplicates(["text", "s_m", "opposing"])  # one of the two on both sides of a freeway
+    for opposing, group in places.groupby("opposing"):
+        side = 1 if opposing else -1
+        axes.scatter(group["s_m"], [side * 0.28] * len(group), marker="D", s=26, color=VERMILION, zorder=3)
+        for number, (s, text) in enumerate(zip(group["s_m"], group["text"], strict=True)):
+            axes.annotate(
+                f"{plain(text)}\n{s:.0f} m", (s, side * (0.5 + 0.42 * (number % 2))), ha="center", fontsize=7,
+                va="bottom" if opposing else "top", annotation_clip=False,
+            )  # fmt: skip
+    lowest, highest = min(start, signs["s_m"].min()), max(end, signs["s_m"].max())
+    margin = 0.06 * (highest - lowest)
+    axes.set(xlim=(lowest - margin, highest + margin), ylim=(-0.5, 0.5), yticks=[])
+    axes.xaxis.set_visible(False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _reads_against_the_stations(run: ResultFolder) -> npt.NDArray[np.bool_]:
+    """Which signs (n,) are for the other direction."""
+    return np.asarray(np.cos(run.signs["heading_rad"] - run.road.heading_at(run.signs["s_m"])) < 0)
+
+
+def _draw_plan(axes: Axes, run: ResultFolder) -> None:
+    show_zone(axes, run)
+    drivable = unrolled_area(run.polygons["drivable"], run.road)
+    add_area(axes, drivable, label="drivable area", facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
+    for number, (name, start, end) in enumerate(run.areas):
+        for station in (start, end):
+            axes.axvline(station, color="#777777", linewidth=0.6, linestyle=":")
+        at_edge = {0: (start, "left"), len(run.areas) - 1: (end, "right")}
+        station, side = at_edge.get(number, ((start + end) / 2, "center"))
+        axes.annotate(
+            f"{plain(name)}, {end - start:.0f} m = {feet_from_metres(end - start):.0f} ft",
+            (station, 1.03 + 0.11 * (number % LEVELS)), xycoords=("data", "axes fraction"), ha=side, fontsize=8,
+        )  # fmt: skip
+
+
+def _draw_to_scale(axes: Axes, run: ResultFolder) -> None:
+    """The beginning of the work, a metre along as long as a metre across, with the widths of the lanes."""
+    middle = next((start for name, start, _ in run.areas if name == "activity area"), run.span[0])
+    stretch_of = (middle - DRAWN_TO_SCALE_M / 2, middle + DRAWN_TO_SCALE_M / 2)
+    show_zone(axes, run, stretch_of=stretch_of)
+    drivable = unrolled_area(run.polygons["drivable"], run.road)
+    add_area(axes, drivable, facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
+    for right, left in run.lanes_at(middle + 1.0):
+        s = stretch_of[1] - 12.0
+        axes.annotate("", (s, left), (s, right), arrowprops={"arrowstyle": "<->", "color": BLACK, "shrinkA": 0, "shrinkB": 0})
+        width = left - right
+        axes.annotate(f"{width:.2f} m\n{feet_from_metres(width):.1f} ft", (s + 1, (left + right) / 2), va="center", fontsize=7)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="station [m]  (to scale)", ylabel="offset [m]")
+
+
+def _draw_as_it_lies(axes: Axes, run: ResultFolder) -> None:
+    for name, colour in (("pavement", "#CCCCCC"), ("closed_area", ORANGE)):
+        add_area(axes, run.polygons[name], facecolor=colour, edgecolor=colour, linewidth=1)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.autoscale_view()
+    axes.set(xlabel="x [m]  (to scale)", ylabel="y [m]")
+
+
+def _rise(run: ResultFolder) -> float:
+    """How far the road leaves the chord between its ends [m]."""
+    line = run.road.reference_line
+    return float(shapely.distance(shapely.points(line), shapely.LineString(line[[0, -1]])).max())

@@ -1,0 +1,126 @@
+"""The figures of the maps: counterparts of Figures 8 and 9 of Chen et al. 2022."""
+
+import numpy as np
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from wzsumo.case.result_folder import ResultFolder
+from wzsumo.figures.unrolled import unrolled_area, unrolled_points
+from wzsumo.figures.zone_axes import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+    YELLOW,
+    add_area,
+    new_figure,
+    plain,
+    show_cells,
+    show_zone,
+    thirds,
+)
+
+
+def draw_maps(run: ResultFolder, methods: list[str]) -> Figure:
+    """The map of every method (paper: Figure 8)."""
+    figure, rows = new_figure(len(methods), row_height=1.6, head=0.6)
+    drivable = unrolled_area(run.polygons["drivable"], run.road)
+    for axes, name in zip(rows, methods, strict=True):
+        show_zone(axes, run)
+        grid = run.map_of(name)
+        if grid is not None:
+            show_cells(axes, run, grid.p_occupied, grid, cmap="Greys", vmin=0, vmax=1)
+        add_area(axes, drivable, label="drivable area", fill=False, edgecolor=SKY_BLUE, zorder=4)
+        axes.set_title(plain(name), fontsize=9, loc="left")
+    patches = [
+        Patch(facecolor=c, edgecolor=BLACK, label=t) for c, t in (("white", "free"), (GREY, "unknown"), (BLACK, "occupied"))
+    ]
+    handles, _ = rows[0].get_legend_handles_labels()
+    figure.legend(handles=[*patches, *handles[-2:]], loc="upper right", ncols=5, frameon=False, fontsize=8)
+    return figure
+
+
+def draw_truth(run: ResultFolder, method: str) -> Figure:
+    """Cells that a map has right, wrongly free and wrongly occupied, with the planned path (paper: Figure 9)."""
+    figure, rows = new_figure(3, row_height=1.6)
+    grid, path = run.map_of(method), run.path_of(method)
+    if grid is None:
+        return figure
+    zone, truth = run.truth_on(grid)
+    classes = np.select([truth & grid.free, zone & grid.free, truth], [1, 2, 3], default=0)
+    colours = {"true positive": SKY_BLUE, "false positive": VERMILION, "false negative": YELLOW}
+    for axes, stretch_of in zip(rows, thirds(run), strict=True):
+        show_zone(axes, run, stretch_of=stretch_of)
+        show_cells(axes, run, classes, grid, cmap=ListedColormap(["none", *colours.values()]), vmin=-0.5, vmax=3.5)
+        if path is not None:
+            axes.plot(
+                *unrolled_points(path[["x_m", "y_m"]], run.road).T, color=BLACK, linewidth=1.2, label="planned path", zorder=6
+            )
+    handles, _ = rows[0].get_legend_handles_labels()
+    patches = [Patch(color=colour, label=label) for label, colour in colours.items()]
+    figure.legend(handles=[*patches, *handles], loc="upper right", ncols=7, frameon=False, fontsize=8, borderaxespad=0.3)
+    return figure
+
+
+NAMES = {
+    "slam_raw": "(a) LiDAR SLAM, raw bird's-eye view",
+    "slam_log_odds": "(b) LiDAR SLAM, log-odds with carved free space",
+    "slam_barrier": "(c) LiDAR SLAM, devices joined into a barrier",
+    "hd_map": "HD map of before",
+    "hd_map_devices": "HD map of before, devices marked",
+}
+
+
+def draw_baseline_paths(run: ResultFolder, methods: list[str]) -> Figure:
+    """The map of every baseline and what is planned on it, to the ego's own lane and to the open lane (paper: 8 and 10)."""
+    figure, rows = new_figure(len(methods), row_height=1.5, head=0.6)
+    shades, drivable = ListedColormap(["white", GREY, BLACK]), unrolled_area(run.polygons["drivable"], run.road)
+    for axes, name in zip(rows, methods, strict=True):
+        grid = run.map_of(name)
+        show_zone(axes, run)
+        if grid is not None:
+            state = np.where(grid.free, 0, np.where(grid.p_occupied < 0.65, 1, 2))
+            show_cells(axes, run, state, grid, cmap=shades, vmin=0, vmax=2)
+        add_area(axes, drivable, label="drivable area", fill=False, edgecolor=GREEN, linestyle="--", zorder=4)
+        for suffix, colour, style in (("", BLUE, "-"), ("_to_open_lane", PURPLE, "--")):
+            path = run.path_of(name + suffix)
+            if path is not None:
+                label = "path to the open lane" if suffix else "path to the ego's own lane"
+                stations, offsets = run.road.to_sd(path[["x_m", "y_m"]])
+                axes.plot(stations, offsets, color=colour, linestyle=style, linewidth=1.4, label=label, zorder=6)
+        axes.set_title(NAMES.get(name, plain(name)), fontsize=9, loc="left")
+    labelled = {label: handle for axes in rows for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    states = (("white", "free"), (GREY, "neither"), (BLACK, "occupied"))
+    patches = [Patch(facecolor=colour, edgecolor=BLACK, label=label) for colour, label in states]
+    shown = [labelled[label] for label in labelled if label not in {"open pavement", "closed area"}]
+    figure.legend(handles=[*patches, *shown], loc="upper right", ncols=8, frameon=False, fontsize=8, borderaxespad=0.2)
+    return figure
+
+
+def draw_crowd_and_slam(run: ResultFolder, crowd: str, slam: str) -> Figure:
+    """What the crowd's map calls free, what the SLAM map saw, the truth and the crowd's path (paper: Figure 9)."""
+    figure, rows = new_figure(3, row_height=1.6)
+    learned, seen, path = run.map_of(crowd), run.map_of(slam), run.path_of(crowd)
+    if learned is None or seen is None:
+        return figure
+    drivable = unrolled_area(run.polygons["drivable"], run.road)
+    for axes, stretch_of in zip(rows, thirds(run), strict=True):
+        show_zone(axes, run, stretch_of=stretch_of)
+        for grid, mask, colour in ((learned, learned.free, "#F4B6A0"), (seen, seen.p_occupied > 0.5, BLUE)):
+            show_cells(axes, run, mask.astype(int), grid, cmap=ListedColormap(["none", colour]), vmin=0, vmax=1)
+        add_area(axes, drivable, label="drivable area (truth)", fill=False, edgecolor=GREEN, linestyle="--",
+                 linewidth=1.4, zorder=4)  # fmt: skip
+        if path is not None:
+            stations, offsets = run.road.to_sd(path[["x_m", "y_m"]])
+            axes.plot(stations, offsets, color=BLACK, linewidth=1.2, label=f"path on {plain(crowd)}", zorder=6)
+    handles, _ = rows[0].get_legend_handles_labels()
+    patches = [
+        Patch(color="#F4B6A0", label=f"free by the crowd ({plain(crowd)})"),
+        Patch(color=BLUE, label=f"occupied by {plain(slam)}"),
+    ]
+    figure.legend(handles=[*patches, *handles[1:]], loc="upper right", ncols=7, frameon=False, fontsize=8, borderaxespad=0.2)
+    return figure

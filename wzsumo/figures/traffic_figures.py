@@ -1,0 +1,39 @@
+"""The space-time diagram: where and when the fleet was slow."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from wzsumo.case.result_folder import ResultFolder
+from wzsumo.figures.zone_axes import BLACK, new_figure, plain
+
+
+def draw_space_time(run: ResultFolder, cells: pd.DataFrame) -> Figure:
+    """Space-mean speed of `cells` over time and station, all lanes together, with the zone's areas at its edge."""
+    figure, (axes,) = new_figure(1, row_height=4.2, head=0.3)
+    speed = cells.pivot_table(index="station_m", columns="time_s", values="speed_mps", dropna=False)
+    times, stations = _edges(speed.columns.to_numpy(dtype=float)), _edges(speed.index.to_numpy(dtype=float))
+    # cividis: even in lightness, the same to the colour-blind (Nunez, Anderton and Renslow 2018).
+    mesh = axes.pcolormesh(times, stations, np.ma.masked_invalid(speed.to_numpy()), cmap="cividis", vmin=0, rasterized=True)
+    axes.set_facecolor("white")
+    bottom, height = axes.get_position().y0, axes.get_position().height
+    axes.set_position((0.075, bottom, 0.715, height))  # beside it: names of areas, scale of speeds
+    figure.colorbar(mesh, cax=figure.add_axes((0.925, bottom, 0.015, height)), label="speed [m/s]")
+    for name, start, end in run.areas:
+        axes.axhline(start, color=BLACK, linewidth=0.6, linestyle=":")
+        axes.annotate(
+            plain(name),
+            (1.01, (start + end) / 2),
+            xycoords=("axes fraction", "data"),
+            va="center",
+            fontsize=8,
+            annotation_clip=False,
+        )
+    axes.axhline(run.span[1], color=BLACK, linewidth=0.6, linestyle=":")
+    axes.set(xlabel="time [s]", ylabel="station [m], traffic moves up", xlim=times[[0, -1]], ylim=stations[[0, -1]])
+    return figure
+
+
+def _edges(starts: np.ndarray) -> np.ndarray:
+    """Edges (n + 1,) of cells of one size from their starts (n,)."""
+    return np.append(starts, 2 * starts[-1] - starts[-2])

@@ -1,0 +1,119 @@
+"""Axes that show a work zone, a kilometre long and twenty metres wide, with the stretch of its width stated."""
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+from shapely.geometry.base import BaseGeometry
+
+from wzsumo.case.result_folder import ResultFolder
+from wzsumo.figures.unrolled import unrolled_area, unrolled_cells
+from wzsumo.grid import OccupancyGrid
+
+# Okabe and Ito 2008, "Color universal design": eight colours that the colour-blind tell apart.
+BLACK, ORANGE, SKY_BLUE, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+GREY = "#D9D9D9"
+WIDTH_IN, AXES_IN = 10.5, (0.7875, 10.29)  # of a figure, and where its axes begin and end on it
+PIXELS = (1500, 400)  # of an unrolled map, along and across: a pixel or more for each of a figure's
+MARGIN_M = (25.0, 1.0)  # shown beyond the zone along and across the road
+
+
+def new_figure(rows: int, *, row_height: float, head: float = 0.55) -> tuple[Figure, list[Axes]]:
+    """A figure of `rows` axes, one below the other, each `row_height` inches high, under a head for titles and legend."""
+    return stacked_figure([row_height] * rows, gaps=[0.72] * (rows - 1), head=head)
+
+
+def stacked_figure(heights: list[float], *, gaps: list[float], head: float) -> tuple[Figure, list[Axes]]:
+    """A figure of axes `heights` inches high, one below the other with `gaps` inches between, under a head of `head` inches."""
+    foot = 0.55
+    height = head + sum(heights) + sum(gaps) + foot
+    figure = Figure(figsize=(WIDTH_IN, height), dpi=150)
+    FigureCanvasAgg(figure)
+    tops = height - head - np.cumsum([0.0, *(a + gap for a, gap in zip(heights[:-1], gaps, strict=True))])
+    left, width = AXES_IN[0] / WIDTH_IN, (AXES_IN[1] - AXES_IN[0]) / WIDTH_IN
+    axes = [
+        figure.add_axes((left, float(top - own) / height, width, own / height)) for top, own in zip(tops, heights, strict=True)
+    ]
+    return figure, axes
+
+
+def show_zone(axes: Axes, run: ResultFolder, *, stretch_of: tuple[float, float] | None = None) -> None:
+    """Draw pavement, closed area and devices, unrolled, from the first station to the last [m], by default the whole zone."""
+    start, end = stretch_of or (run.span[0] - MARGIN_M[0], run.span[1] + MARGIN_M[0])
+    road = run.road
+    pavement, closed = (unrolled_area(run.polygons[name], road) for name in ("pavement", "closed_area"))
+    add_area(axes, pavement, label="open pavement", facecolor="#EDEDED", edgecolor="#777777", linewidth=0.7)
+    add_area(axes, closed, label="closed area", facecolor=ORANGE, alpha=0.3, edgecolor="none")
+    show_devices(axes, run.devices)
+    axes.set(xlim=(start, end), ylim=(-road.right_shoulder - MARGIN_M[1], road.left_edge + MARGIN_M[1]))
+    state_stretch(axes)
+
+
+def show_devices(axes: Axes, devices: pd.DataFrame) -> None:
+    """Mark the devices at their stations: a dot each, and a line along each piece of barrier."""
+    pieces = devices["length_m"].to_numpy(dtype=float) > 0
+    dots, walls = devices[~pieces], devices[pieces]
+    axes.scatter(dots["s_m"], dots["d_m"], s=5, color=VERMILION, label="device", zorder=5, linewidths=0)
+    if len(walls):
+        ends = [(s - length / 2, s + length / 2) for s, length in walls[["s_m", "length_m"]].to_numpy()]
+        lines = [[(a, d), (b, d)] for (a, b), d in zip(ends, walls["d_m"], strict=True)]
+        axes.add_collection(LineCollection(lines, colors=VERMILION, linewidths=2, label="barrier", zorder=5), autolim=False)
+
+
+def show_cells(axes: Axes, run: ResultFolder, values: npt.NDArray[Any], grid: OccupancyGrid, **style: Any) -> None:
+    """Draw the values of a grid's cells, unrolled, over the axes as they are; every pixel shows the cell that it lies in."""
+    limits = axes.get_xlim(), axes.get_ylim()
+    edges = [np.linspace(*limit, n + 1) for limit, n in zip(limits, PIXELS, strict=True)]
+    stations, offsets = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
+    image = unrolled_cells(values, grid, run.road, stations=stations, offsets=offsets)
+    axes.imshow(
+        image, origin="lower", extent=(*limits[0], *limits[1]), aspect="auto", interpolation="nearest", zorder=3, **style
+    )
+    axes.set(xlim=limits[0], ylim=limits[1])
+
+
+def state_stretch(axes: Axes) -> None:
+    """Label the axes with their unit and with how much longer a metre across the road is drawn than one along it."""
+    (x_0, x_1), (y_0, y_1) = axes.get_xlim(), axes.get_ylim()
+    stretch = (axes.bbox.height / (y_1 - y_0)) / (axes.bbox.width / (x_1 - x_0))
+    axes.set(xlabel=f"station [m]  (the offset is stretched {stretch:.1f} : 1)", ylabel="offset [m]")
+
+
+def add_area(axes: Axes, area: BaseGeometry, *, label: str | None = None, **style: Any) -> None:
+    """Fill a polygon or several."""
+    rings = [
+        Outline(np.asarray(ring.coords), closed=True)
+        for part in getattr(area, "geoms", [area])
+        if part.geom_type == "Polygon" and not part.is_empty
+        for ring in (part.exterior, *part.interiors)
+    ]
+    if rings:
+        axes.add_patch(PathPatch(Outline.make_compound_path(*rings), label=label, **style))
+
+
+def legend_above(figure: Figure, axes: Axes, *, columns: int = 7) -> None:
+    """Put the legend of `axes` at the top of the figure, out of the way of the data."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="upper right", ncols=columns, frameon=False, fontsize=8, borderaxespad=0.3, markerscale=2.5
+    )
+
+
+def thirds(run: ResultFolder) -> list[tuple[float, float]]:
+    """Three stretches [m] that cover the zone, so that a decimetre across the road can be seen."""
+    edges = np.linspace(run.span[0] - MARGIN_M[0], run.span[1] + MARGIN_M[0], 4)
+    return [(float(a), float(b)) for a, b in pairwise(edges)]
+
+
+def plain(text: str) -> str:
+    """The text with the sign escaped that matplotlib takes for mathematics."""
+    return text.replace("$", r"\$")

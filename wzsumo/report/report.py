@@ -1,0 +1,167 @@
+"""report.html: one page, self-contained, that answers the run's question and shows every figure of it."""
+
+import base64
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from wzsumo.case.baselines import BASELINE_METHODS, SLAM_METHODS
+from wzsumo.case.result_folder import ResultFolder, read_result_folder
+from wzsumo.ego import Outcome
+from wzsumo.errors import OutputError
+from wzsumo.report.drive_player import player_data
+from wzsumo.report.page import page_template
+from wzsumo.report.tables import goal_rows, traffic_rows
+
+DASH = "-"
+CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
+NOT_RUN_NAMES = {"slam": "LiDAR SLAM baseline"}
+
+
+def write_report(folder: Path) -> Path:
+    """The path of report.html, written to a run's result folder together with figures/*.png.
+
+    Raises InputError where the folder is not one that a run wrote, OutputError where it cannot be written to.
+    """
+    from wzsumo.figures.figures import write_figures  # matplotlib is slow to load, and only a report needs it
+
+    run = read_result_folder(folder)
+    path = folder / "report.html"
+    try:
+        figures = [
+            {"title": f.title, "caption": f.caption, "png": base64.b64encode(f.path.read_bytes()).decode("ascii")}
+            for f in write_figures(run, folder / "figures")
+        ]
+        path.write_text(_page(run, figures), encoding="utf-8")
+    except PermissionError as error:
+        raise OutputError(f"{error.filename}: cannot be written; give a folder that you may write to") from None
+    return path
+
+
+def best_method(methods: Mapping[str, Mapping[str, Any]]) -> str | None:
+    """The crowd's method whose map has the highest IoU, among those that reached the goal where any did."""
+    crowd = {name: m for name, m in methods.items() if name not in BASELINE_METHODS}
+    arrived = {name: m for name, m in crowd.items() if m.get("outcome") == Outcome.REACHED_GOAL}
+    candidates = arrived or crowd
+    return max(candidates, key=lambda name: candidates[name].get("iou") or 0.0, default=None)
+
+
+def percent(share: float | None) -> str:
+    """A share as percent, a dash where there is none.
+
+    >>> percent(0.9008)
+    '90.08 %'
+    """
+    return DASH if share is None or math.isnan(share) else f"{100 * share:.2f} %"
+
+
+def metres(length: float | None) -> str:
+    """A length to the millimetre, a dash where there is none.
+
+    >>> metres(1.2968)
+    '1.297 m'
+    """
+    return DASH if length is None or math.isnan(length) else f"{length:.3f} m"
+
+
+def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
+    result, best = run.result, best_method(run.methods)
+    facts = {key: _text(result.get(key)) for key in ("scenario", "seed", "version", "n_collected", "n_traces", "n_components")}
+    return page_template("report.html.j2").render(
+        facts=facts,
+        best=best,
+        player=player_data(run, best),
+        verdict=_verdict(run.methods.get(best or "", {})),
+        comparison=_comparison(run, best),
+        methods=[_method_row(name, method) for name, method in run.methods.items()],
+        goals=goal_rows(run.methods),
+        slam=_slam_facts(result.get("slam") or {}),
+        not_run=[(NOT_RUN_NAMES.get(name, name), reason) for name, reason in _not_run(result).items()],
+        fleet=_fleet_rows(result.get("fleet") or {}) + traffic_rows(result.get("traffic") or {}),
+        timings=[(name, f"{seconds:.2f} s") for name, seconds in (result.get("timings_s") or {}).items()],
+        figures=figures,
+    )
+
+
+def _slam_facts(slam: Mapping[str, Any]) -> str:
+    if not slam:
+        return ""
+    states = ", ".join(f"{count} {state.replace('_', ' ')}" for state, count in slam["scan_states"].items())
+    return (
+        f"LiDAR mapping drive of vehicle {slam['vehicle_id']}: {slam['n_scans']} scans ({states}); position error "
+        f"{metres(slam['ate_m'])} rms with LOAM, IMU and RTK, {metres(slam['dead_reckoning_ate_m'])} by dead reckoning; "
+        f"{slam['n_devices_mapped']} devices found, {slam['n_links']} gaps between them closed in form (c)."
+    )
+
+
+def _not_run(result: Mapping[str, Any]) -> dict[str, str]:
+    methods, not_run = result.get("methods") or {}, dict(result.get("not_run") or {})
+    if not any(name in SLAM_METHODS for name in methods):
+        not_run.setdefault("slam", "not part of this run")
+    return not_run
+
+
+def _verdict(method: Mapping[str, Any]) -> dict[str, str]:
+    if not method:
+        return {}
+    yes = method.get("outcome") == Outcome.REACHED_GOAL
+    return {"answer": "Yes" if yes else "No", "end": _outcome(method), "reason": _text(method.get("reason"))} | _row(method)
+
+
+def _comparison(run: ResultFolder, best: str | None) -> list[tuple[str, str, str]]:
+    here = _row(run.methods.get(best or "", {}))
+    return [
+        ("Precision of the map", "90.08 %", here["precision"]),
+        ("Recall of the map", "left out", here["recall"]),
+        ("Intersection over union (IoU)", "left out", here["iou"]),
+        ("Components K of the mixture", "15", _text(run.result.get("n_components"))),
+        ("Least clearance to cones, planned path", "1.297 m", here["planned_devices"]),
+        ("Least clearance to road edge, planned path", "3.50 m", here["planned_edge"]),
+        ("Least clearance to cones, driven", "left out", here["driven_devices"]),
+        ("Least clearance to road edge, driven", "left out", here["driven_edge"]),
+        ("Share of the driven path in the closed area", "left out", here["driven_closed"]),
+    ]
+
+
+def _method_row(name: str, method: Mapping[str, Any]) -> dict[str, str]:
+    plan_ms = method.get("plan_ms")
+    return _row(method) | {
+        "name": name,
+        "outcome": _outcome(method),
+        "reason": _text(method.get("reason")),
+        "n_traces": _text(method.get("n_traces")),
+        "n_components": _text(method.get("n_components")),
+        "n_fragments": _text(method.get("n_fragments")),
+        "plan_ms": DASH if plan_ms is None else f"{plan_ms:.0f} ms",
+    }
+
+
+def _row(method: Mapping[str, Any]) -> dict[str, str]:
+    row = {key: percent(method.get(key)) for key in ("precision", "recall", "iou")}
+    for stage in ("planned", "driven"):
+        measured = method.get(stage) or {}
+        devices, edge = (metres(measured.get(key)) for key in CLEARANCES)
+        closed = percent(measured.get("closed_area_share"))
+        row |= {f"{stage}_devices": devices, f"{stage}_edge": edge, f"{stage}_closed": closed}
+    return row
+
+
+def _fleet_rows(fleet: Mapping[str, Any]) -> list[tuple[str, str]]:
+    merge = fleet.get("merge_position_m") or {}
+    quantiles = ", ".join(f"{name[1:]} %: {value:.0f} m" for name, value in merge.items() if value is not None)
+    return [
+        ("Vehicles simulated", _text(fleet.get("n_vehicles"))),
+        ("Vehicles that passed the zone", _text(fleet.get("n_passed"))),
+        ("Vehicles in the closed area", _text(fleet.get("n_in_closed_area"))),
+        ("Lateral scatter between vehicles (standard deviation)", metres(fleet.get("lateral_sd_m"))),
+        ("Merge position from the start of the merging taper, quantiles", quantiles or DASH),
+    ]
+
+
+def _outcome(method: Mapping[str, Any]) -> str:
+    return _text(method.get("outcome")).replace("_", " ").lower()
+
+
+def _text(value: object) -> str:
+    return DASH if value is None or value == "" else str(value)

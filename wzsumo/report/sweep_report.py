@@ -1,0 +1,148 @@
+"""report.html of a study: what it answers, its figures, its tables, and every case with the command that runs it alone."""
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from wzsumo.case.baselines import BASELINE_METHODS
+from wzsumo.files.output import write_whole
+from wzsumo.report.page import page_template
+from wzsumo.sweep.results import column_of, read_results
+from wzsumo.sweep.store import read_study
+from wzsumo.sweep.study_case import code_version
+from wzsumo.sweep.summary import GOOD_ENOUGH, TRACES, compare, summarise, traces_needed, write_table
+
+MOST_ROWS = 2000  # of cases on a page; the rest is in results.parquet
+MEASURES = ("safe_plan", "iou", "precision", "recall", "planned_min_clearance_devices_m")
+SHOWN = (
+    "status", "plan_status", "safe_plan", "precision", "recall", "iou", "planned_min_clearance_devices_m",
+    "planned_min_clearance_road_edge_m", "planned_closed_area_share", "n_components", "minutes_to_collect", "outcome",
+)  # fmt: skip
+
+
+def write_sweep_report(folder: Path) -> Path:
+    """The path of report.html, written to a study's result folder together with figures/*.png and tables/*.
+
+    Raises InputError where the folder holds no study or none of its cases is finished.
+    """
+    from wzsumo.figures.sweep_figures import write_sweep_figures  # matplotlib is slow to load, and only a report needs it
+
+    study, table = read_study(folder), read_results(folder)
+    factors = [name for name in table.attrs["factors"] if name != "seed"]
+    figures = [
+        {"title": f.title, "caption": f.caption, "png": base64.b64encode(f.path.read_bytes()).decode("ascii")}
+        for f in write_sweep_figures(table, folder / "figures")
+    ]
+    tables = _tables(table, factors)
+    for part in tables:
+        write_table(part["frame"], folder / "tables", part["stem"])
+    seeds, simulations = table["seed"].nunique(), table["simulation"].nunique()
+    page = page_template("sweep.html.j2").render(
+        name=study.spec.name,
+        folder=str(folder),
+        facts=f"{len(table)} of {len(study.cases)} cases · {simulations} simulations · {seeds} seeds · wzsumo {code_version()}",
+        answers=_answers(table, factors),
+        troubles=table.loc[table["status"] != "DONE", "reason"].value_counts().items(),
+        figures=figures,
+        tables=[_shown(part) for part in [*tables, _cases(table, factors)]],
+        rerun={path.parent.name for path in folder.glob("cases/*/report.html")},
+    )
+    write_whole(folder / "report.html", page.encode())
+    return folder / "report.html"
+
+
+def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
+    """Sentences that answer the study, a method each."""
+    takes_traces = ~table["method"].isin(BASELINE_METHODS) & (TRACES in factors)
+    lines = _traces_answers(table, factors) if takes_traces.any() else []
+    if takes_traces.all():
+        return lines
+    shares = summarise(table[~takes_traces], "safe_plan", by=["method"])
+    return lines + [
+        f"{row.method}: a safe plan in {row.mean:.0%} of the cases, n = {row.n} seeds." for row in shares.itertuples()
+    ]
+
+
+def _traces_answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
+    errors = ["gnss.error_m"] if "gnss.error_m" in factors else []
+    lines = []
+    for row in traces_needed(table, by=["method", *errors]).to_dict("records"):
+        at = f" at a GNSS error of {row['gnss.error_m']:g} m" if errors else ""
+        n, best, share = f"n = {row['n_seeds']:.0f} seeds", f"{row['best_traces']:.0f} trace(s)", f"{row['best_share']:.0%}"
+        if not pd.isna(row["traces"]):
+            text = (
+                f"{row['traces']:.0f} trace(s) give a safe plan in {GOOD_ENOUGH:.0%} of the cases, {n}; "
+                f"so many came in after {row['minutes']:.1f} min on average."
+            )
+        elif row["best_share"] >= GOOD_ENOUGH:
+            text = (
+                f"{best} give a safe plan in {share} of the cases, {n}, but some larger number in fewer than {GOOD_ENOUGH:.0%}."
+            )
+        else:
+            text = (
+                f"no number of traces gives a safe plan in {GOOD_ENOUGH:.0%} of the cases; {best} come nearest: {share}, {n}."
+            )
+        lines.append(f"{row['method']}{at}: {text}")
+    return lines
+
+
+def _tables(table: pd.DataFrame, factors: list[str]) -> list[dict[str, Any]]:
+    by = ["method", *factors]
+    long = pd.concat(
+        [summarise(table, name, by=by).assign(measure=name, unit=column_of(name).unit) for name in MEASURES], ignore_index=True
+    )
+    tables = [
+        {
+            "stem": "summary",
+            "title": "Means over seeds",
+            "note": "n counts seeds; low and high end the 95 % bootstrap interval of the mean. Click a head to sort.",
+            "frame": long[[*by, "measure", "unit", "n", "mean", "median", "low", "high"]],
+        }
+    ]
+    methods = list(dict.fromkeys(table["method"]))
+    if len(methods) > 1:
+        paired = [
+            compare(table, name, between="method", against=methods[0], by=factors).assign(measure=name) for name in MEASURES
+        ]
+        frame = pd.concat(paired, ignore_index=True)
+        tables.append(
+            {
+                "stem": "paired",
+                "title": f"Differences from “{methods[0]}” in the same traffic",
+                "note": "Mean of the differences of pairs that share seed, simulation and every other factor, with its 95 % "
+                "bootstrap interval over seeds; share_above: pairs in which the method has the larger value.",
+                "frame": frame[["method", *factors, "measure", "n", "difference", "low", "high", "share_above"]],
+            }
+        )
+    return tables
+
+
+def _cases(table: pd.DataFrame, factors: list[str]) -> dict[str, Any]:
+    few = table.head(MOST_ROWS)
+    shown = [name for name in SHOWN if few[name].notna().any()]
+    rest = "" if len(few) == len(table) else f" The first {MOST_ROWS} of {len(table)}; all are in results.parquet."
+    return {
+        "title": "Cases",
+        "note": f"Click a case for the command that runs it alone.{rest}",
+        "frame": few[["case", "method", "seed", *factors, *shown]],
+    }
+
+
+def _shown(part: dict[str, Any]) -> dict[str, Any]:
+    frame: pd.DataFrame = part["frame"]
+    columns = [
+        {
+            "name": name,
+            "unit": "" if column_of(name).unit == "1" else column_of(name).unit,
+            "text": not pd.api.types.is_numeric_dtype(frame[name]),
+        }
+        for name in map(str, frame.columns)
+    ]
+    return {"title": part["title"], "note": part["note"], "columns": columns, "rows": _cells(frame.itertuples(index=False))}
+
+
+def _cells(rows: Any) -> list[Sequence[str]]:
+    return [["" if pd.isna(v) else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row] for row in rows]

@@ -1,0 +1,69 @@
+"""The traffic measures of a result.json as the rows of the report's table."""
+
+from collections.abc import Mapping
+from typing import Any
+
+DASH = "-"
+# Key of result.json["traffic"], what it says, its unit, decimals.
+_ROWS = (
+    ("n_vehicles", "Vehicles due to enter the road", "", 0),
+    ("n_arrived", "Vehicles that arrived at its end", "", 0),
+    ("n_waiting", "Vehicles still waiting to enter at the end of the run", "", 0),
+    ("throughput_vph", "Throughput past the activity area, after the warm-up", "veh/h", 0),
+    ("peak_flow_vph", "Highest 15-minute flow past the activity area", "veh/h", 0),
+    ("hcm_queue_discharge_vph", "Queue discharge of the zone by the HCM, 7th edition", "veh/h", 0),
+    ("queue_discharge_vph", "Queue discharge in this run, once a queue has stood for 8 minutes", "veh/h", 0),
+    ("breakdown_s", "A queue began to stand at", "s", 0),
+    ("max_queue_length_m", "Farthest that a queue reached back from the last merging taper", "m", 0),
+    ("mean_queue_length_m", "Mean length of the queue over time, after the warm-up", "m", 0),
+    ("mean_travel_time_s", "Mean travel time", "s", 1),
+    ("mean_delay_s", "Mean delay, departure delay included", "s", 1),
+    ("p95_delay_s", "95th percentile of the delay", "s", 1),
+    ("mean_departure_delay_s", "Mean departure delay", "s", 1),
+    ("speed_sd_taper_mps", "Greatest standard deviation of speeds, 200 m ahead of the zone to its end", "m/s", 1),
+    ("n_merges", "Vehicles that merged out of a closing lane", "", 0),
+    ("n_hard_braking", "Vehicles that braked hard (2.67 m/s2 over a second)", "", 0),
+    ("hard_brakes_per_1000_vkm", "Hard braking", "per 1000 veh km", 0),
+    ("n_overlapping", "Vehicles whose outlines overlapped", "", 0),
+    ("n_ttc_conflicts", "Vehicles with a time to collision below 1.5 s", "", 0),
+    ("n_drac_conflicts", "Vehicles that would have needed more than 3.35 m/s2 to avoid a crash", "", 0),
+    ("n_pet_conflicts", "Vehicles with a post-encroachment time below 1 s", "", 0),
+    ("co2_g_per_vkm", "Carbon dioxide (SUMO's default emission classes)", "g per veh km", 0),
+    ("nox_g_per_vkm", "Nitrogen oxides (ibid.)", "g per veh km", 3),
+    ("fuel_g_per_vkm", "Fuel (ibid.)", "g per veh km", 0),
+)
+
+
+def traffic_rows(traffic: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(quantity, value with its unit) of every measure of a run; a dash where there was nothing to measure."""
+    return [(name, _value(traffic[key], unit, decimals)) for key, name, unit, decimals in _ROWS if key in traffic]
+
+
+def _value(value: float | None, unit: str, decimals: int) -> str:
+    return DASH if value is None else f"{value:.{decimals}f} {unit}".rstrip()
+
+
+GOALS = ("own_lane", "open_lane")
+
+
+def goal_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
+    """One row a method that has figures of its goals: name, quality of its map, and of each goal what the path does."""
+    rows = []
+    for name, method in methods.items():
+        goals = method.get("goals") or {}
+        if not goals:
+            continue
+        row = {"name": name} | {key: _percent(method.get(key)) for key in ("precision", "recall", "iou")}
+        for goal in GOALS:
+            figures = goals.get(goal) or {}
+            row |= {
+                f"{goal}_outcome": str(figures.get("planned_outcome") or "-").replace("_", " ").lower(),
+                f"{goal}_closed": _percent(figures.get("closed_area_share")),
+                f"{goal}_struck": "-" if figures.get("n_devices_struck") is None else str(figures["n_devices_struck"]),
+            }
+        rows.append(row)
+    return rows
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"

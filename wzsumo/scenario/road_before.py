@@ -1,0 +1,79 @@
+"""The road as it was before a work zone, from a file: a scenario's own, or a few lines about anybody's road."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from pydantic import Field
+
+from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from wzsumo.errors import InputError, SpecError
+from wzsumo.grid import OccupancyGrid, cells_inside
+from wzsumo.road import RoadSpec
+from wzsumo.scenario.scenario import load_scenario
+from wzsumo.spec import Spec, parse_spec, read_toml
+from wzsumo.units import METRES_PER_FOOT
+
+BESIDE_M = 5.0  # of the pavement, where a fix with its error may lie
+
+
+class AnnouncedZone(Spec):
+    """Where the work zone is announced to be, along the road from its beginning."""
+
+    start_ft: float = Field(ge=0)  # its first device
+    end_ft: float = Field(gt=0)  # its last
+
+
+class RoadBefore(Spec):
+    """A road, in the frame of the traces, and where a work zone is announced on it."""
+
+    road: RoadSpec
+    announced: AnnouncedZone
+
+
+def read_map_before(path: Path) -> MapBefore:
+    """The map of before that a scenario file holds, or a file of the sections [road] and [announced] alone.
+
+    Of a scenario the road counts and where its zone begins and ends; what it closes is left for the traces to tell.
+    """
+    content = read_toml(path)
+    if "work_zone" in content:
+        layout = load_scenario(path).layout()
+        return MapBefore(road=layout.road, start=layout.start, end=layout.end)
+    spec = parse_spec(RoadBefore, content, source=str(path))
+    road = spec.road.build()
+    start, end = (at * METRES_PER_FOOT for at in (spec.announced.start_ft, spec.announced.end_ft))
+    if not start < end <= road.length:
+        raise SpecError(
+            f"{path}: announced.start_ft={spec.announced.start_ft:g} and announced.end_ft={spec.announced.end_ft:g} must be in "
+            f"this order and on the road, which is {road.length / METRES_PER_FOOT:.0f} ft long"
+        )
+    return MapBefore(road=road, start=start, end=end)
+
+
+def check_on_road(traces: pd.DataFrame, before: MapBefore, *, source: str, road_source: str) -> None:
+    """Raise InputError where most of the traces do not lie on the road, in another frame then, or run against it."""
+    road = before.road
+    s, d = road.to_sd(traces[["x_m", "y_m"]].to_numpy())
+    on_road = (s > 0) & (s < road.length) & (d > -road.right_shoulder - BESIDE_M) & (d < road.left_edge + BESIDE_M)
+    if on_road.mean() < 0.5:
+        raise InputError(
+            f"{source}: {on_road.sum()} of {len(traces)} fixes lie on the road of {road_source}; traces must be in the road's "
+            "frame (where it has no reference_points_m its right edge line begins at (0, 0) and runs along x)"
+        )
+    in_time = pd.DataFrame({"vehicle_id": traces["vehicle_id"], "s": s}).iloc[np.argsort(traces["time_s"], kind="stable")]
+    station = in_time.groupby("vehicle_id")["s"]
+    if (station.last() < station.first()).mean() > 0.5:
+        raise InputError(
+            f"{source}: most vehicles drive against the road of {road_source}; its points must run in their direction of travel"
+        )
+
+
+def with_road_outside(grid: OccupancyGrid, before: MapBefore) -> OccupancyGrid:
+    """The map with the lanes of before free outside the announced zone, where the road is as it was."""
+    road = before.road
+    lanes = np.zeros(grid.shape, dtype=bool)
+    for start, end in ((0.0, before.start), (before.end, road.length)):
+        if start < end:
+            lanes |= cells_inside(grid, road.strip(start, end, 0.0, road.own_width))
+    return grid.with_p_occupied(np.where(lanes, 0.0, grid.p_occupied))

@@ -1,0 +1,182 @@
+"""Scenario: everything that a spec file says of one case, read and checked."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+from shapely import Polygon
+
+from wzsumo.capacity import SiteSpec, ZoneCapacity, zone_capacity, zone_queue_discharge_pcphpl
+from wzsumo.control.plant import PlantSpec
+from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
+from wzsumo.errors import SpecError
+from wzsumo.mutcd.layout import lay_out
+from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.road import Road, RoadSpec
+from wzsumo.scenario.sections import ControlSection, CrowdSpec, MapSpec, MapUpdatesSpec, RouteSpec, SlamSpec
+from wzsumo.sensing.gnss import GnssSpec
+from wzsumo.simulation.departures import check_departures
+from wzsumo.simulation.drivers import BY_THE_HCM, UNCALIBRATED, hcm_drivers
+from wzsumo.simulation.files import SimulationSpec
+from wzsumo.spec import Spec, parse_spec, read_toml
+from wzsumo.units import mps_from_mph
+from wzsumo.vehicle import VehicleGeometry
+from wzsumo.work_zone import DeviceKind, RoadType, WorkZone, WorkZoneLayout
+
+Pose = tuple[float, float, float]
+REACH_M = 20.0  # the vehicle reaches beyond its rear axle, and so do the maps beyond start and goal
+
+
+class Scenario(Spec):
+    """One case: frozen, and with its seed all that decides the result."""
+
+    name: str = Field(min_length=1, pattern=r"^[\w.-]+$")
+    seed: int = Field(ge=0)
+    road: RoadSpec
+    work_zone: WorkZone
+    site: SiteSpec = SiteSpec()
+    simulation: SimulationSpec = SimulationSpec()
+    crowd: CrowdSpec = CrowdSpec()
+    gnss: GnssSpec = GnssSpec(error_m=0.0, sampling_interval_s=0.1)
+    mixture: MixtureSpec = MixtureSpec()
+    map: MapSpec = MapSpec()
+    route: RouteSpec
+    map_updates: MapUpdatesSpec | None = None  # none: the ego drives on the map that it set out with
+    slam: SlamSpec | None = None  # the LiDAR SLAM baseline is part of every run where this section is given
+    vehicle: VehicleGeometry = VehicleGeometry()
+    planner: PlannerSpec = PlannerSpec()
+    control: ControlSection = ControlSection()
+    plant: PlantSpec = PlantSpec()
+
+    def layout(self) -> WorkZoneLayout:
+        """The layout of the zone on its road."""
+        return lay_out(self.work_zone, self.road.build())
+
+    def capacity(self) -> ZoneCapacity:
+        """What the HCM makes of the zone. Raises SpecError where its model does not hold."""
+        posted_mph, truck_share = self.work_zone.posted_speed_mph, self.simulation.demand.truck_share
+        return zone_capacity(**self._as_the_hcm_asks(), posted_speed_mph=posted_mph, truck_share=truck_share)
+
+    def zone_simulation(self) -> SimulationSpec:
+        """`simulation` with the drivers that "hcm" stands for in this zone. Raises SpecError where the HCM has none."""
+        if self.simulation.demand.drivers != BY_THE_HCM:
+            return self.simulation
+        try:
+            if self.work_zone.road_type is not RoadType.FREEWAY:
+                raise SpecError(f'road_type="{self.work_zone.road_type}": the HCM\'s work-zone model is of freeways')
+            zone = self._as_the_hcm_asks()
+            rate = zone_queue_discharge_pcphpl(**zone)
+            drivers = hcm_drivers(rate, total_lanes=zone["total_lanes"], open_lanes=zone["open_lanes"])
+        except SpecError as error:
+            raise SpecError(
+                f'simulation.demand.drivers="{BY_THE_HCM.name}": {error}; give drivers = "{UNCALIBRATED.name}" or a table of '
+                "your own"
+            ) from None
+        demand = self.simulation.demand.model_copy(update={"drivers": drivers})
+        return self.simulation.model_copy(update={"demand": demand})
+
+    def _as_the_hcm_asks(self) -> dict[str, Any]:
+        zone = self.work_zone
+        if zone.one_lane_two_way:
+            raise SpecError(
+                f'one_lane_two_way="{zone.one_lane_two_way}": the HCM\'s work-zone model is of freeways with 2 or more lanes a '
+                "direction; what one lane carries by turns depends on who times them"
+            )
+        walled = (zone.work_space_device or zone.device) is DeviceKind.BARRIER
+        site = self.site if self.site.barrier else self.site.model_copy(update={"barrier": "hard" if walled else "soft"})
+        total = self.road.lane_count
+        return {"total_lanes": total, "open_lanes": total - len(set(zone.closed_lanes)), "site": site}
+
+    def start_and_goal(self, layout: WorkZoneLayout) -> tuple[Pose, Pose]:
+        """Rear-axle poses (x, y, heading) of start and goal. Raises SpecError where they are not on the road."""
+        route, road = self.route, layout.road
+        stations = (layout.start - route.start_before_zone_m, layout.end + route.goal_after_zone_m)
+        for key in ("start_lane", "goal_lane", "open_goal_lane"):
+            lane = getattr(route, key)
+            if lane is not None and lane >= road.own_lanes:
+                raise SpecError(f"route.{key}={lane} must be a lane of the road, 0..{road.own_lanes - 1}")
+        if not self.vehicle.length_m < stations[0] < stations[1] < road.length - self.vehicle.length_m:
+            raise SpecError(
+                f"route: start and goal at stations {stations[0]:.0f} and {stations[1]:.0f} m must lie on the road, "
+                f"0..{road.length:.0f} m; change start_before_zone_m, goal_after_zone_m, or the road's length"
+            )
+        start, goal = (
+            _lane_pose(road, station, lane) for station, lane in zip(stations, (route.start_lane, route.goal_lane), strict=True)
+        )
+        return start, goal
+
+    def mapped_ends(self, layout: WorkZoneLayout) -> tuple[float, float]:
+        """Stations [m] between which the zone is mapped: from behind the start to beyond the goal."""
+        start, goal = self.start_and_goal(layout)
+        (first, last), _ = layout.road.to_sd([start[:2], goal[:2]])
+        return float(first) - REACH_M, float(last) + REACH_M
+
+    def mapped_ground(self, layout: WorkZoneLayout) -> Polygon:
+        """The pavement between those stations, and a margin around it. Raises SpecError where that is too large."""
+        road = layout.road
+        pavement = road.strip(*self.mapped_ends(layout), -road.right_shoulder, road.left_edge)
+        return self.map.checked(pavement.buffer(self.map.margin_m))
+
+    def open_goal(self, layout: WorkZoneLayout) -> Pose | None:
+        """Rear-axle pose of the second goal, None where the route names none."""
+        if self.route.open_goal_lane is None:
+            return None
+        return _lane_pose(layout.road, layout.end + self.route.goal_after_zone_m, self.route.open_goal_lane)
+
+
+def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:
+    """The scenario of a TOML file, with another seed where one is given. Raises SpecError: file, key, value, rule, remedy."""
+    content: dict[str, Any] = read_toml(Path(path))
+    if seed is not None:
+        content = content | {"seed": seed}
+    scenario = parse_spec(Scenario, content, source=str(path))
+    if misfits := misfits_of(scenario):
+        raise SpecError("; ".join(f"{path}: {misfit}" for misfit in misfits))
+    return scenario
+
+
+# What misfits_of reads of a scenario.
+FITTING_SECTIONS = frozenset({"road", "work_zone", "site", "simulation", "route", "vehicle", "crowd", "map"})
+
+
+def misfits_of(scenario: Scenario) -> list[str]:
+    """What does not fit together in a scenario: zone and road, start and goal, flow and lanes, traces collected and used."""
+    crowd, demand, road = scenario.crowd, scenario.simulation.demand, scenario.road
+    misfits = _refusals(scenario.layout) or _refusals(  # where there is no zone, nothing says who drives through it
+        lambda: scenario.mapped_ground(scenario.layout()),
+        lambda: check_departures(
+            scenario.zone_simulation().demand,
+            n_lanes=road.lane_count,
+            n_opposing=road.opposing_lane_count,
+            speed=mps_from_mph(scenario.work_zone.posted_speed_mph),
+        ),
+    )
+    if demand.warm_up_s >= demand.duration_s:
+        misfits.append(
+            f"simulation.demand.warm_up_s={demand.warm_up_s:g} must be shorter than duration_s={demand.duration_s:g}; flows "
+            "are counted, and the ego departs, between the two"
+        )
+    if demand.opposing_flow_vph and not road.opposing_lane_count:
+        misfits.append(
+            f"simulation.demand.opposing_flow_vph={demand.opposing_flow_vph:g} needs an opposing lane; "
+            "set road.opposing_lane_count or leave the flow out"
+        )
+    if crowd.used > crowd.collected:
+        misfits.append(f"crowd.used={crowd.used} must be at most crowd.collected={crowd.collected}; collect more or use fewer")
+    return misfits
+
+
+def _lane_pose(road: Road, station: float, lane: int) -> Pose:
+    x, y = road.to_xy(station, road.lane_centre(lane))
+    return float(x), float(y), float(road.heading_at(station))
+
+
+def _refusals(*checks: Callable[[], object]) -> list[str]:
+    found = []
+    for check in checks:
+        try:
+            check()
+        except SpecError as error:
+            found.append(str(error))
+    return found

@@ -1,0 +1,93 @@
+"""The sections of a scenario that no stage has as its own: crowd, route, map, control, map updates, LiDAR baseline."""
+
+import math
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+from shapely import Polygon
+
+from wzsumo.behaviour.ceiling import FollowingSpec
+from wzsumo.control.controller import ControlSpec
+from wzsumo.errors import SpecError
+from wzsumo.lidar_mapping.loam import LoamSpec
+from wzsumo.lidar_mapping.slam_map import SlamMapSpec
+from wzsumo.planning.planning_field import MAX_CELLS
+from wzsumo.sensing.imu import ImuSpec, MappingGnssSpec
+from wzsumo.sensing.lidar import LidarSpec
+from wzsumo.sensing.scene import SceneSpec
+from wzsumo.spec import Spec
+
+
+class MapSpec(Spec):
+    """How large the cells are, and how far they reach beyond the pavement."""
+
+    resolution_m: float = Field(0.127, gt=0, le=1)  # 5 in, the sample of Chen et al. 2022
+    margin_m: float = Field(2.0, ge=0)  # beyond the pavement's edges
+
+    def checked(self, ground: Polygon) -> Polygon:
+        """The ground that is to be mapped. Raises SpecError where it has more cells than can be planned on."""
+        left, low, right, high = ground.bounds
+        width, height = right - left, high - low
+        n_cells = width * height / self.resolution_m**2
+        if n_cells <= MAX_CELLS:
+            return ground
+        coarser = math.ceil(100 * math.sqrt(width * height / MAX_CELLS)) / 100
+        raise SpecError(
+            f"map.resolution_m={self.resolution_m:g} makes {n_cells / 1e6:.0f} million cells of the {width:.0f} x {height:.0f} "
+            f"m around the road, of which at most {MAX_CELLS / 1e6:.0f} million can be planned on; give {coarser:g} or more"
+        )
+
+
+class MapArrivalSpec(Spec):
+    """One map of the crowd and when it arrives."""
+
+    after_s: float = Field(ge=0)  # since the ego entered the road
+    used: int = Field(ge=1)  # traces that it is made of, the first so many
+
+
+class MapUpdatesSpec(Spec):
+    """The map that the ego sets out with and those that reach it on the way; it plans anew on each."""
+
+    sets_out_with: Literal["crowd", "map_of_before"] = "crowd"  # the map of crowd.used traces, or of the road without the zone
+    arrivals: tuple[MapArrivalSpec, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        times = [arrival.after_s for arrival in self.arrivals]
+        if times != sorted(set(times)):
+            raise ValueError(f"arrivals with after_s {times} must come one after the other; give them in order")
+        return self
+
+
+class SlamSpec(Spec):
+    """One mapping drive: a 128-layer LiDAR, high-precision GNSS and IMU (Chen et al. 2022) through the zone and its traffic."""
+
+    traffic: bool = True  # whether the vehicles of the moment stand in the scans
+    scene: SceneSpec = SceneSpec()
+    lidar: LidarSpec = LidarSpec()
+    imu: ImuSpec = ImuSpec()
+    gnss: MappingGnssSpec = MappingGnssSpec()
+    loam: LoamSpec = LoamSpec()
+    maps: SlamMapSpec = SlamMapSpec()
+
+
+class CrowdSpec(Spec):
+    """Whose traces are collected, and how many of them make the map."""
+
+    penetration: float = Field(0.15, gt=0, le=1)  # share of vehicles that report
+    collected: int = Field(30, ge=1)  # Chen et al. 2022
+    used: int = Field(5, ge=1)  # ibid.
+
+
+class RouteSpec(Spec):
+    """Where the ego starts and where it wants to go: lane centres before and after the zone, 0 = rightmost lane."""
+
+    start_lane: int = Field(ge=0)
+    start_before_zone_m: float = Field(150.0, gt=0)
+    goal_lane: int = Field(ge=0)
+    goal_after_zone_m: float = Field(100.0, gt=0)
+    open_goal_lane: int | None = Field(None, ge=0)  # of a second goal, in a lane that leads straight on from the open ones
+
+
+class ControlSection(ControlSpec, FollowingSpec):
+    """How the ego drives: along its path, at its speed, and behind others."""

@@ -1,1 +1,0 @@
-"""Joins the stages: one case, many cases, their report."""

@@ -1,0 +1,217 @@
+"""Study: base scenarios times factors, read from a TOML file and checked as a whole before anything runs."""
+
+import itertools
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, ValidationError
+
+from wzsumo.case.baselines import BASELINE_METHODS
+from wzsumo.case.methods import MAP_METHODS
+from wzsumo.errors import SpecError
+from wzsumo.scenario.scenario import FITTING_SECTIONS, Scenario, load_scenario, misfits_of
+from wzsumo.spec import Spec, describe_mistakes, known_keys, parse_spec, read_toml
+from wzsumo.sweep.study_case import StudyCase
+
+Keys = dict[str, Any]  # dotted scenario key -> value
+
+
+class StudySpec(Spec):
+    """What a study file says. Factors are keys of the scenario: `crowd.used`, `gnss.error_m`, `work_zone.posted_speed_mph`."""
+
+    name: str = Field(min_length=1, pattern=r"^[\w.-]+$")
+    scenarios: tuple[str, ...] = Field(min_length=1)  # files, relative to the study's
+    methods: tuple[str, ...] = Field(min_length=1)
+    drive: bool = False  # whether the ego drives the planned path through the traffic: ten times the cost
+    fixed: dict[str, Any] = Field({})  # what holds in every case
+    grid: dict[str, Any] = Field({})  # factor -> values; every combination is a case. seed = { first = 21, count = 10 } too
+    combinations: tuple[dict[str, Any], ...] = ()  # sets of values that belong together; each meets every point of the grid
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """A checked study. `content` holds it with its scenarios in full, so that a result folder stands alone."""
+
+    spec: StudySpec
+    content: Mapping[str, Any]
+    cases: tuple[StudyCase, ...]
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Scenario keys that differ between cases, in the order of the file."""
+        return tuple(self.cases[0].factors)
+
+    @cached_property
+    def simulations(self) -> dict[str, list[StudyCase]]:
+        """The cases by the simulation that they share."""
+        groups: dict[str, list[StudyCase]] = {}
+        for case in self.cases:
+            groups.setdefault(case.simulation, []).append(case)
+        return groups
+
+
+def load_study(path: Path) -> Study:
+    """The study of a TOML file. Raises SpecError that names every mistake: file, key, value, rule."""
+    content = read_toml(path)
+    spec = parse_spec(StudySpec, content, source=str(path))
+    bases = {name: load_scenario(path.parent / name).model_dump(mode="json") for name in spec.scenarios}
+    return study_of({"study": content, "scenarios": bases}, source=str(path))
+
+
+def study_of(content: Mapping[str, Any], *, source: str) -> Study:
+    """The study of `content` = {"study": file content, "scenarios": {file: content}}. Raises SpecError as `load_study` does."""
+    spec = parse_spec(StudySpec, content["study"], source=source)
+    fixed, grid = _flat(spec.fixed), _grid(spec.grid)
+    combinations = [_flat(entry) for entry in spec.combinations]
+    known = [*MAP_METHODS, *BASELINE_METHODS]
+    unknown = [name for name in spec.methods if name not in known]
+    mistakes = [f"methods: {name}: unknown; known methods: {', '.join(known)}" for name in unknown]
+    mistakes += _wrong_factors(fixed, grid, combinations)
+    if mistakes:
+        raise SpecError("; ".join(f"{source}: {mistake}" for mistake in mistakes))
+    points = [fixed | entry | point for entry in combinations or [{}] for point in _points(grid)]
+    cases = _cases(spec, content["scenarios"], points, varied=_varied(grid, combinations), source=source)
+    return Study(spec=spec, content=content, cases=cases)
+
+
+def find_case(study: Study, name: str) -> StudyCase:
+    """The case of a study whose name begins with `name`. Raises SpecError where none or several do."""
+    found = [case for case in study.cases if case.id.startswith(name)] if name else []
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise SpecError(f"--case {name}: {len(found)} cases begin so, such as {found[0].id} and {found[1].id}; give more of it")
+    raise SpecError(
+        f"--case {name}: the study {study.spec.name} has no such case with this version of wzsumo; results.parquet lists them"
+    )
+
+
+def _flat(table: Mapping[str, Any], prefix: str = "") -> Keys:
+    """TOML reads `crowd.used = 5` as a table in a table: the dotted keys again."""
+    flat: Keys = {}
+    for key, value in table.items():
+        flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {prefix + key: value}
+    return flat
+
+
+def _grid(table: Mapping[str, Any]) -> Keys:
+    grid = _flat({key: value for key, value in table.items() if key != "seed"})
+    seed = table.get("seed")
+    if isinstance(seed, Mapping) and seed.keys() == {"first", "count"} and all(isinstance(n, int) for n in seed.values()):
+        seed = list(range(seed["first"], seed["first"] + seed["count"]))
+    return grid if seed is None else {"seed": seed} | grid
+
+
+def _wrong_factors(fixed: Keys, grid: Keys, combinations: list[Keys]) -> list[str]:
+    varies = bool(grid or combinations)
+    mistakes = [] if varies else ["grid: empty, so nothing varies; give at least one factor, such as seed = [21, 22]"]
+    for key, values in grid.items():
+        if not isinstance(values, list):
+            mistakes.append(f"grid.{key}={values!r}: must be a list of values (seed may be {{ first = 21, count = 10 }})")
+        elif not values:
+            mistakes.append(f"grid.{key}: an empty list makes no case; give values or leave the factor out")
+        elif len({json.dumps(value) for value in values}) < len(values):
+            mistakes.append(f"grid.{key}={values}: a value is there twice; give each once")
+    named = [("fixed", fixed), ("grid", grid), *((f"combinations[{n}]", entry) for n, entry in enumerate(combinations))]
+    mistakes += [f"{where}.{key}: {wrong}" for where, keys in named for key in keys if (wrong := _unknown(key))]
+    for key, count in Counter([*fixed, *grid, *{key for entry in combinations for key in entry}]).items():
+        if count > 1:
+            mistakes.append(f"{key}: given in more than one of fixed, grid and combinations; give it in one")
+    if len({frozenset(entry) for entry in combinations}) > 1:
+        mistakes.append("combinations: all must give the same keys, for each is a column of the table")
+    return mistakes
+
+
+def _unknown(key: str) -> str:
+    parts = key.split(".")
+    if key == "name":
+        return "names no factor; cases are named by their factors"
+    for depth, part in enumerate(parts):
+        known = known_keys(Scenario, tuple(parts[:depth]))
+        if part not in known:
+            section = ".".join(parts[:depth]) or "a scenario"
+            return f"unknown key; {section} has {', '.join(known) or 'no keys below it'}"
+    return ""
+
+
+def _varied(grid: Keys, combinations: list[Keys]) -> list[str]:
+    return [*grid, *(combinations[0] if combinations else ())]
+
+
+def _points(grid: Keys) -> Iterator[Keys]:
+    for values in itertools.product(*grid.values()):
+        yield dict(zip(grid, values, strict=True))
+
+
+def _cases(
+    spec: StudySpec, bases: Mapping[str, Any], points: list[Keys], *, varied: list[str], source: str
+) -> tuple[StudyCase, ...]:
+    parser = _Parser(source)
+    cases: list[StudyCase] = []
+    for base, point in itertools.product(bases.values(), points):
+        if (scenario := parser.scenario(base, point)) is not None:
+            factors = {key: point[key] for key in varied}
+            cases += [StudyCase(scenario=scenario, method=m, drive=spec.drive, factors=factors) for m in spec.methods]
+    if parser.mistakes:
+        for base, point in itertools.product(bases.values(), points):  # what else is wrong beside the values found so far
+            parser.scenario(base, {key: value for key, value in point.items() if (key, str(value)) not in parser.blamed})
+        raise SpecError("; ".join(parser.mistakes))
+    twice = len(cases) - len({case.id for case in cases})
+    if twice:
+        raise SpecError(f"{source}: {twice} cases are there twice; name every scenario, method and combination once")
+    return tuple(cases)
+
+
+class _Parser:
+    """Scenarios of points that are mostly alike: a section, and a zone on its road, is checked once.
+
+    `mistakes` are kept in the order found, `blamed` are the values (key, text) that are wrong whatever stands beside them.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.mistakes: dict[str, None] = {}
+        self.blamed: set[tuple[str, str]] = set()
+        self._source = source
+        self._sections: dict[str, Any] = {}
+        self._fitting: set[str] = set()
+
+    def scenario(self, base: Keys, point: Keys) -> Scenario | None:
+        """The checked scenario of a point, None where there is a mistake."""
+        content = _with(base, _completed(point))
+        texts = {key: f"{key} {json.dumps(value)}" for key, value in content.items()}
+        try:
+            scenario = Scenario.model_validate({key: self._sections.get(texts[key], value) for key, value in content.items()})
+            self._sections |= {text: getattr(scenario, key) for key, text in texts.items()}
+        except ValidationError as error:
+            self.mistakes |= dict.fromkeys(f"{self._source}: {mistake}" for mistake in describe_mistakes(Scenario, error))
+            self.blamed |= {(".".join(map(str, part["loc"])), str(part["input"])) for part in error.errors()}
+            return None
+        fits = scenario.model_dump_json(include=set(FITTING_SECTIONS))
+        if fits in self._fitting:
+            return scenario
+        if misfits := misfits_of(scenario):
+            self.mistakes |= dict.fromkeys(f"{self._source}: {misfit}" for misfit in misfits)
+            return None
+        self._fitting.add(fits)
+        return scenario
+
+
+def _completed(point: Keys) -> Keys:
+    """A study collects as many traces as it uses, where it does not say otherwise."""
+    if "crowd.used" not in point or "crowd.collected" in point:
+        return point
+    return point | {"crowd.collected": point["crowd.used"]}
+
+
+def _with(content: Mapping[str, Any], keys: Keys) -> Keys:
+    """The content with dotted keys set; what is not touched is shared."""
+    changed = dict(content)
+    for key, value in keys.items():
+        first, _, rest = key.partition(".")
+        changed[first] = _with(changed.get(first) or {}, {rest: value}) if rest else value
+    return changed

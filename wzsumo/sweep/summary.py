@@ -1,0 +1,165 @@
+"""What a table of results says: means with intervals over seeds, and paired differences; as tables for people and papers."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from wzsumo.case.baselines import BASELINE_METHODS
+from wzsumo.errors import InputError
+from wzsumo.files.output import write_whole
+from wzsumo.frames import FloatArray
+from wzsumo.sweep.results import CASE_COLUMNS, MEASURED_COLUMNS
+
+CONFIDENCE = 0.95
+RESAMPLES = 2000  # the ends of an interval then move by about 3 % of its width from one drawing to the next
+_DRAW = 1  # seed of the resampling: one table gives one interval
+
+
+def summarise(table: pd.DataFrame, measure: str, *, by: Sequence[str]) -> pd.DataFrame:
+    """Columns `by`, n, mean, median, low, high of a measured column, one row a combination of `by`.
+
+    n counts seeds: rows of one seed in one combination are averaged first, for they share a simulation. `low` and `high` are
+    the ends of the 95 % percentile bootstrap interval of the mean over seeds. Refused and failed cases are left out.
+    Source: Efron & Tibshirani 1993, An Introduction to the Bootstrap, section 13.3.
+    """
+    done = _done(table, [measure, *by])
+    values = _by_seed(done, pd.to_numeric(done[measure].astype(float)), by)
+    low, high = _bootstrap_interval(values.to_numpy())
+    summary = pd.DataFrame(
+        {
+            "n": values.notna().sum(axis=1),
+            "mean": values.mean(axis=1),
+            "median": values.median(axis=1),
+            "low": low,
+            "high": high,
+        },
+        index=values.index,
+    )
+    return summary.reset_index() if by else summary.reset_index(drop=True)
+
+
+def compare(table: pd.DataFrame, measure: str, *, between: str, against: object, by: Sequence[str] = ()) -> pd.DataFrame:
+    """Differences of a measure from its value where column `between` is `against`, all else being equal, the seed too.
+
+    Columns: `between`, `by`, n (seeds), difference (mean), low, high (its 95 % interval), share_above (of the pairs, those
+    with a larger value than `against` has). Pairs of one seed share the traffic, so that its chance falls out.
+    """
+    done = _done(table, [measure, between, *by])
+    factors = [name for name in table.attrs.get("factors", []) if name != between]
+    alike = list(dict.fromkeys(["scenario", "method", "seed", *factors]))
+    alike = [name for name in alike if name != between and name in done]
+    done = done.assign(**{measure: done[measure].astype(float)})
+    base = done[done[between] == against].set_index(alike)[measure]
+    if base.empty:
+        raise InputError(f"no finished case has {between}={against!r}; there is {sorted(map(str, done[between].unique()))}")
+    others = done[done[between] != against].join(base.rename("_base"), on=alike, how="inner")
+    difference = others[measure] - others["_base"]
+    values = _by_seed(others, difference, [between, *by])
+    low, high = _bootstrap_interval(values.to_numpy())
+    above = _by_seed(others, (difference > 0).where(difference.notna()).astype(float), [between, *by])
+    columns = {"n": values.notna().sum(axis=1), "difference": values.mean(axis=1), "low": low, "high": high}
+    return pd.DataFrame(columns | {"share_above": above.mean(axis=1)}, index=values.index).reset_index()
+
+
+def write_table(frame: pd.DataFrame, folder: Path, name: str) -> list[Path]:
+    """The paths of NAME.csv, .parquet, .md and .tex, written to `folder`."""
+    texts = {".csv": frame.to_csv(index=False), ".md": markdown(frame), ".tex": latex(frame)}
+    for suffix, text in texts.items():
+        write_whole(folder / f"{name}{suffix}", text.encode())
+    write_whole(folder / f"{name}.parquet", frame.to_parquet(index=False))
+    return [folder / f"{name}{suffix}" for suffix in (*texts, ".parquet")]
+
+
+def markdown(frame: pd.DataFrame) -> str:
+    """The table in Markdown, numbers to four significant digits."""
+    rows = [list(map(str, frame.columns)), ["---"] * len(frame.columns), *_texts(frame)]
+    return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |\n" for row in rows)
+
+
+def latex(frame: pd.DataFrame) -> str:
+    """The table in LaTeX (booktabs), numbers to four significant digits."""
+    head, *body = [" & ".join(map(_escaped, row)) + r" \\" for row in [list(map(str, frame.columns)), *_texts(frame)]]
+    columns = "".join("r" if pd.api.types.is_numeric_dtype(kind) else "l" for kind in frame.dtypes)
+    lines = [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}"]
+    return "\n".join(lines) + "\n"
+
+
+def _done(table: pd.DataFrame, needed: Sequence[str]) -> pd.DataFrame:
+    missing = [name for name in needed if name not in table.columns]
+    if missing:
+        known = [
+            name for name in table.columns if name in CASE_COLUMNS | MEASURED_COLUMNS or name in table.attrs.get("factors", [])
+        ]
+        raise InputError(f"column(s) {', '.join(missing)} are not in the table; it has {', '.join(known)}")
+    return table[table["status"] == "DONE"]
+
+
+def _by_seed(rows: pd.DataFrame, values: pd.Series, by: Sequence[str]) -> pd.DataFrame:
+    """Mean of each combination (rows) and seed (columns)."""
+    if rows.empty:
+        raise InputError("no case is finished, so there is nothing to summarise")
+    keys = [rows[name] for name in by] or [pd.Series("all", index=rows.index, name="cases")]
+    return values.groupby([*keys, rows["seed"]], sort=True, dropna=False, observed=True).mean().unstack("seed")
+
+
+def _bootstrap_interval(values: npt.NDArray[np.float64]) -> tuple[FloatArray, FloatArray]:
+    """Ends (groups,) of the interval of the mean of each row of values (groups, seeds); nan: a seed that is not there.
+
+    Drawing seeds with replacement is giving each a weight: one matrix product makes all resamples of all groups.
+    """
+    n_seeds = values.shape[1]
+    draws = np.random.default_rng(_DRAW).multinomial(n_seeds, np.full(n_seeds, 1 / n_seeds), size=RESAMPLES).astype(float)
+    there = np.isfinite(values)
+    with np.errstate(invalid="ignore"):
+        means = (np.where(there, values, 0.0) @ draws.T) / (there @ draws.T)
+    means[there.sum(axis=1) < 2] = np.nan  # one seed tells nothing of the scatter over seeds
+    ends = np.full((2, len(values)), np.nan)
+    some = np.isfinite(means).any(axis=1)
+    tails = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
+    ends[:, some] = np.nanquantile(means[some], tails, axis=1)
+    return ends[0], ends[1]
+
+
+def _texts(frame: pd.DataFrame) -> list[list[str]]:
+    return [[f"{v:.4g}" if isinstance(v, float) else str(v) for v in row] for row in frame.itertuples(index=False)]
+
+
+def _escaped(text: str) -> str:
+    return "".join("\\" + letter if letter in "&%$#_{}" else letter for letter in text)
+
+
+GOOD_ENOUGH = 0.9  # share of seeds with a safe plan from which on a map is called good enough
+TRACES = "crowd.used"
+
+
+def traces_needed(table: pd.DataFrame, *, by: Sequence[str]) -> pd.DataFrame:
+    """Columns `by`, traces, minutes, n_seeds, best_traces, best_share, one row a combination of `by`.
+
+    `traces` is the fewest from which on, with every larger number in the study as well, the share of seeds with a safe plan
+    is GOOD_ENOUGH, `minutes` the mean time until so many have come in; nan where there is none. `best_traces` has the largest
+    share of all. Methods that take no traces are left out.
+    """
+    table = table[~table["method"].isin(BASELINE_METHODS)]
+    safe = summarise(table, "safe_plan", by=[*by, TRACES]).rename(columns={"mean": "share", "n": "n_seeds"})
+    minutes = summarise(table, "minutes_to_collect", by=[*by, TRACES]).rename(columns={"mean": "minutes"})
+    points = safe.merge(minutes[[*by, TRACES, "minutes"]], on=[*by, TRACES])
+    groups = points.groupby(list(by), sort=True) if by else [((), points)]
+    rows = []
+    for key, group in groups:
+        enough = _from_which_on(group.sort_values(TRACES))
+        traces, minutes_then = enough.iloc[0][[TRACES, "minutes"]] if len(enough) else (math.nan, math.nan)
+        best = group.iloc[int(group["share"].to_numpy().argmax())]
+        found = {"traces": traces, "minutes": minutes_then, "n_seeds": group["n_seeds"].max()}
+        found |= {"best_traces": best[TRACES], "best_share": best["share"]}
+        rows.append(dict(zip(by, key, strict=True)) | found)
+    return pd.DataFrame(rows).astype({"traces": float, "minutes": float})
+
+
+def _from_which_on(group: pd.DataFrame) -> pd.DataFrame:
+    """The rows at the end of the group that are good enough without a break."""
+    enough = (group["share"] >= GOOD_ENOUGH).to_numpy()[::-1].cumprod()[::-1].astype(bool)
+    return group[enough]
