@@ -38,7 +38,7 @@ def a_study(*, fixed=None, name="trial", methods=("swept",), drive=False, combin
 class AtOnce:
     """Workers that carry out a task when it is started, in this process; what it raises is in its future."""
 
-    def __init__(self, count=2):
+    def __init__(self, count=2) -> None:
         self.count = count
         self.started = []
 

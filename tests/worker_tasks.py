@@ -4,7 +4,7 @@ import os
 import signal
 
 
-def kill_self():
+def kill_self() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 

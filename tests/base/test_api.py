@@ -11,30 +11,30 @@ from wzsumo.errors import InputError
 
 
 @pytest.mark.parametrize("module", [wzsumo, interface], ids=lambda module: module.__name__)
-def test_examples_in_docstrings_give_what_they_say(module):
+def test_examples_in_docstrings_give_what_they_say(module) -> None:
     result = doctest.testmod(module)
     assert result.attempted > 2
     assert result.failed == 0
 
 
-def test_every_name_that_the_package_offers_is_there_and_described():
+def test_every_name_that_the_package_offers_is_there_and_described() -> None:
     assert set(wzsumo.__all__) <= set(dir(wzsumo))
     for name in wzsumo.__all__:
         assert getattr(wzsumo, name).__doc__, name
 
 
-def test_name_that_the_package_has_not_is_refused_with_those_it_has():
+def test_name_that_the_package_has_not_is_refused_with_those_it_has() -> None:
     with pytest.raises(AttributeError, match=r"no attribute 'sweeep'; it has .*run_case"):
         _ = wzsumo.sweeep
 
 
-def test_import_of_the_package_takes_less_than_a_twentieth_of_its_parts():
+def test_import_of_the_package_takes_less_than_a_twentieth_of_its_parts() -> None:
     """Counted in modules, which do not depend on the load of the machine."""
     code = "import sys; before = len(sys.modules); import wzsumo; print(len(sys.modules) - before)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert int(done.stdout) < 50
 
 
-def test_table_that_is_no_trace_table_is_refused():
+def test_table_that_is_no_trace_table_is_refused() -> None:
     with pytest.raises(InputError, match="y_m"):
         wzsumo.build_map(pd.DataFrame({"vehicle_id": ["a"], "time_s": [0.0], "x_m": [1.0]}), seed=1)

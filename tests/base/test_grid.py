@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
@@ -28,14 +30,14 @@ def hand_made_map(folder, rows, *, image=None, **metadata):
 
 
 @given(row=st.integers(0, 199), col=st.integers(0, 299), x=st.floats(-1e4, 1e4), y=st.floats(-1e4, 1e4))
-def test_cell_comes_back_from_its_centre(row, col, x, y):
+def test_cell_comes_back_from_its_centre(row: int, col: int, x: float, y: float) -> None:
     grid = OccupancyGrid(p_occupied=np.zeros((200, 300), dtype=np.float32), resolution=0.127, origin=(x, y))
     back_row, back_col = grid.cell_of(grid.centre_of(row, col))
     assert (back_row[0], back_col[0]) == (row, col)
     assert grid.contains(grid.centre_of(row, col)).all()
 
 
-def test_row_zero_is_the_lowest_y():
+def test_row_zero_is_the_lowest_y() -> None:
     grid = OccupancyGrid(p_occupied=np.zeros((4, 6), dtype=np.float32), resolution=0.5, origin=(-10.0, 3.0))
     assert grid.centre_of(0, 0).tolist() == [-9.75, 3.25]
     assert grid.bounds == (-10.0, 3.0, -7.0, 5.0)
@@ -44,7 +46,7 @@ def test_row_zero_is_the_lowest_y():
     ]  # fmt: skip
 
 
-def test_free_means_below_map_servers_threshold_and_unknown_is_not_free():
+def test_free_means_below_map_servers_threshold_and_unknown_is_not_free() -> None:
     grid = OccupancyGrid(p_occupied=np.array([[0.0, 0.195, 0.197, 0.5, 1.0]]), resolution=1, origin=(0, 0))
     assert grid.free.tolist() == [[True, True, False, False, False]]
 
@@ -60,20 +62,20 @@ def test_free_means_below_map_servers_threshold_and_unknown_is_not_free():
         (np.zeros((2, 2)), 1, (0, np.inf), "origin="),
     ],
 )
-def test_grid_that_cannot_be_is_refused(p, resolution, origin, rule):
+def test_grid_that_cannot_be_is_refused(p, resolution: int, origin, rule: str) -> None:
     with pytest.raises(MapError, match=rule):
         OccupancyGrid(p_occupied=p, resolution=resolution, origin=origin)
 
 
 @given(low=st.tuples(st.floats(-500, 500), st.floats(-500, 500)), size=st.tuples(st.floats(0.2, 50), st.floats(0.2, 50)))
-def test_blank_grid_covers_its_bounds_by_less_than_a_cell_more(low, size):
+def test_blank_grid_covers_its_bounds_by_less_than_a_cell_more(low, size) -> None:
     bounds = (*low, low[0] + size[0], low[1] + size[1])
     over = np.array(blank_grid(bounds, resolution=0.2, p_occupied=0.5).bounds) - bounds
     assert (over * [-1, -1, 1, 1] > -1e-6).all()
     assert (np.abs(over) < 0.2 + 1e-6).all()
 
 
-def test_cells_inside_an_area_match_a_point_in_polygon_test_of_every_centre():
+def test_cells_inside_an_area_match_a_point_in_polygon_test_of_every_centre() -> None:
     grid = blank_grid((-3, -2, 5, 4), resolution=0.25, p_occupied=0)
     area = shapely.Point(1.0, 1.0).buffer(2.0).union(shapely.box(3, -9, 4, 9)).difference(shapely.box(0, 0, 1, 1))
     rows, cols = np.indices(grid.shape)
@@ -82,7 +84,7 @@ def test_cells_inside_an_area_match_a_point_in_polygon_test_of_every_centre():
 
 
 @given(corners=st.lists(st.tuples(st.floats(-8, 12), st.floats(-8, 12)), min_size=3, max_size=20), hole=st.floats(0.1, 4))
-def test_cells_inside_match_shapely_for_any_polygons_with_holes_that_reach_beyond_the_map(corners, hole):
+def test_cells_inside_match_shapely_for_any_polygons_with_holes_that_reach_beyond_the_map(corners, hole: float) -> None:
     grid = blank_grid((-3, -2, 5, 4), resolution=0.3, p_occupied=0)
     area = shapely.MultiPoint(corners).buffer(1.3).difference(shapely.Point(1.01, 1.02).buffer(hole))
     centres = grid.centre_of(*np.indices(grid.shape))
@@ -90,19 +92,19 @@ def test_cells_inside_match_shapely_for_any_polygons_with_holes_that_reach_beyon
 
 
 @pytest.mark.parametrize("area", [shapely.Polygon(), shapely.box(100, 100, 110, 110)])
-def test_no_cell_is_inside_an_area_that_is_empty_or_off_the_map(area):
+def test_no_cell_is_inside_an_area_that_is_empty_or_off_the_map(area) -> None:
     assert not cells_inside(blank_grid((0, 0, 5, 4), resolution=0.5, p_occupied=0), area).any()
 
 
 @given(p=MAPS)
-def test_map_comes_back_from_its_ros_files_within_half_a_grey_level(tmp_path_factory, p):
+def test_map_comes_back_from_its_ros_files_within_half_a_grey_level(tmp_path_factory: pytest.TempPathFactory, p) -> None:
     grid = OccupancyGrid(p_occupied=p, resolution=0.127, origin=(-12.3, 4.56))
     back = read_map(write_map(grid, tmp_path_factory.mktemp("map")))
     assert np.abs(back.p_occupied.astype(float) - p).max() <= 1 / 510 + 1e-6
     assert (back.resolution, back.origin, back.shape) == (grid.resolution, grid.origin, grid.shape)
 
 
-def test_written_image_has_the_highest_y_in_its_first_row_and_free_white(tmp_path):
+def test_written_image_has_the_highest_y_in_its_first_row_and_free_white(tmp_path: Path) -> None:
     write_map(OccupancyGrid(p_occupied=np.array([[0.0, 1.0], [1.0, 1.0]]), resolution=1, origin=(0, 0)), tmp_path)
     pixels = np.asarray(Image.open(tmp_path / "map.pgm"))
     assert pixels.tolist() == [[0, 0], [255, 0]]
@@ -112,39 +114,39 @@ def test_written_image_has_the_highest_y_in_its_first_row_and_free_white(tmp_pat
 SAVED_ROWS = [[254, 205, 0], [0, 0, 254]]
 
 
-def test_trinary_map_of_map_saver_reads_as_free_unknown_and_occupied_from_the_bottom_up(tmp_path):
+def test_trinary_map_of_map_saver_reads_as_free_unknown_and_occupied_from_the_bottom_up(tmp_path: Path) -> None:
     grid = read_map(hand_made_map(tmp_path, SAVED_ROWS))
     assert grid.p_occupied.tolist() == [[1, 1, 0], [0, 0.5, 1]]
     assert (grid.resolution, grid.origin) == (0.5, (-10.0, 3.0))
 
 
-def test_negated_trinary_map_reads_white_as_occupied(tmp_path):
+def test_negated_trinary_map_reads_white_as_occupied(tmp_path: Path) -> None:
     grid = read_map(hand_made_map(tmp_path, [[254, 0, 120]], negate=1))
     assert grid.p_occupied.tolist() == [[1, 0, 0.5]]
 
 
-def test_trinary_map_is_cut_by_the_files_own_thresholds(tmp_path):
+def test_trinary_map_is_cut_by_the_files_own_thresholds(tmp_path: Path) -> None:
     # p = (255 - grey) / 255: 0.4, 0.6, 0.2
     grid = read_map(hand_made_map(tmp_path, [[153, 102, 204]], occupied_thresh=0.55, free_thresh=0.45))
     assert grid.p_occupied.tolist() == [[0, 1, 0]]
 
 
-def test_thresholds_left_out_are_map_servers_defaults(tmp_path):
+def test_thresholds_left_out_are_map_servers_defaults(tmp_path: Path) -> None:
     grid = read_map(hand_made_map(tmp_path, SAVED_ROWS, occupied_thresh=None, free_thresh=None))
     assert grid.p_occupied.tolist() == [[1, 1, 0], [0, 0.5, 1]]
 
 
-def test_scale_map_reads_grey_as_probability(tmp_path):
+def test_scale_map_reads_grey_as_probability(tmp_path: Path) -> None:
     grid = read_map(hand_made_map(tmp_path, [[0, 51, 255]], mode="scale"))
     assert grid.p_occupied[0] == pytest.approx([1, 0.8, 0])
 
 
-def test_raw_map_reads_occupancy_in_per_cent_and_255_as_unknown(tmp_path):
+def test_raw_map_reads_occupancy_in_per_cent_and_255_as_unknown(tmp_path: Path) -> None:
     grid = read_map(hand_made_map(tmp_path, [[0, 40, 100, 255]], mode="raw"))
     assert grid.p_occupied[0] == pytest.approx([0, 0.4, 1, 0.5])
 
 
-def test_transparent_pixel_of_a_png_is_unknown(tmp_path):
+def test_transparent_pixel_of_a_png_is_unknown(tmp_path: Path) -> None:
     path = hand_made_map(tmp_path, [[0]], image=b"", mode="scale")
     Image.fromarray(np.array([[[255, 255], [255, 0]]], dtype=np.uint8)).save(tmp_path / "clear.png")
     path.write_text(path.read_text().replace("hand.pgm", "clear.png"))
@@ -170,32 +172,32 @@ def test_transparent_pixel_of_a_png_is_unknown(tmp_path):
         ({"occupied_thresh": 65}, "occupied_thresh=65 must"),
     ],
 )
-def test_ros_map_that_cannot_be_is_refused_with_the_rule(tmp_path, changes, rule):
+def test_ros_map_that_cannot_be_is_refused_with_the_rule(tmp_path: Path, changes, rule: str) -> None:
     with pytest.raises(MapError, match=rule):
         read_map(hand_made_map(tmp_path, SAVED_ROWS, **changes))
 
 
-def test_missing_map_image_is_refused_with_its_path(tmp_path):
+def test_missing_map_image_is_refused_with_its_path(tmp_path: Path) -> None:
     path = hand_made_map(tmp_path, SAVED_ROWS)
     (tmp_path / "hand.pgm").unlink()
     with pytest.raises(MapError, match=r"hand\.pgm does not exist"):
         read_map(path)
 
 
-def test_missing_map_file_is_refused_with_its_path(tmp_path):
+def test_missing_map_file_is_refused_with_its_path(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=r"none\.yaml: no such file"):
         read_map(tmp_path / "none.yaml")
 
 
 @pytest.mark.parametrize("text", ["just words", "a: [1", ""])
-def test_yaml_that_is_no_map_is_refused(tmp_path, text):
+def test_yaml_that_is_no_map_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "bad.yaml").write_text(text)
     with pytest.raises(MapError, match="not a ROS map YAML file"):
         read_map(tmp_path / "bad.yaml")
 
 
 @pytest.mark.parametrize("side", [10_000, 20_000], ids=["Pillow warns", "Pillow refuses"])
-def test_map_of_a_hundred_million_pixels_is_refused_before_it_is_read(tmp_path, side):
+def test_map_of_a_hundred_million_pixels_is_refused_before_it_is_read(tmp_path: Path, side: int) -> None:
     path = hand_made_map(tmp_path, SAVED_ROWS)
     image = tmp_path / yaml.safe_load(path.read_text())["image"]
     image.write_bytes(b"P5\n%d %d\n255\n" % (side, side))  # nothing but the header

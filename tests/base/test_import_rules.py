@@ -78,23 +78,23 @@ def modules_of_ours(path):
 
 
 @pytest.mark.parametrize("path", [p for p in FILES if part_of(module_name(p))], ids=module_name)
-def test_module_imports_only_from_its_own_folder_and_from_lower_floors(path):
+def test_module_imports_only_from_its_own_folder_and_from_lower_floors(path) -> None:
     assert modules_of_ours(path) <= allowed_from(part_of(module_name(path)))
 
 
-def test_no_modules_import_each_other_in_a_circle():
+def test_no_modules_import_each_other_in_a_circle() -> None:
     names = {module_name(path) for path in FILES}
     graph = {module_name(path): {module for module in imports_of(path) if module in names} for path in FILES}
     graph["wzsumo"] = set()  # its names are loaded when they are first used
     assert list(TopologicalSorter(graph).static_order())
 
 
-def test_no_folder_holds_more_than_one_idea():
+def test_no_folder_holds_more_than_one_idea() -> None:
     sizes = Counter(path.parent.relative_to(PACKAGE).as_posix() for path in FILES if path.name != "__init__.py")
     assert {folder: size for folder, size in sizes.items() if size > (20 if folder == "." else 16)} == {}
 
 
-def test_only_simulation_connection_imports_libsumo():
+def test_only_simulation_connection_imports_libsumo() -> None:
     importers = {module_name(p) for p in FILES for m in imports_of(p) if m.split(".")[0] in {"libsumo", "traci"}}
     assert importers == {"wzsumo.simulation.connection"}
 
@@ -103,7 +103,7 @@ def run_python(code):
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=PACKAGE.parent)
 
 
-def test_modules_below_the_case_import_where_sumo_is_missing():
+def test_modules_below_the_case_import_where_sumo_is_missing() -> None:
     names = [name for p in FILES if (part := part_of(name := module_name(p))) and floor_of(part) > 4 and part != "simulation"]
     assert len(names) > 20
     done = run_python(f"""
@@ -119,7 +119,7 @@ for name in {names!r}:
     assert done.returncode == 0, done.stderr
 
 
-def test_importing_the_package_alone_loads_no_heavy_library():
+def test_importing_the_package_alone_loads_no_heavy_library() -> None:
     done = run_python("import sys, wzsumo; print(*sorted({name.split('.')[0] for name in sys.modules}))")
     heavy = {"numpy", "pandas", "scipy", "matplotlib", "numba", "shapely", "pydantic", "pyarrow", "sklearn", *SUMO_PACKAGES}
     assert done.returncode == 0, done.stderr

@@ -1,12 +1,13 @@
 from pathlib import Path
 
 import nbformat
+import pytest
 from nbclient import NotebookClient
 
 NOTEBOOK = Path(__file__).parents[2] / "analysis" / "paper_case.ipynb"
 
 
-def test_notebook_of_the_papers_case_runs_from_top_to_bottom(monkeypatch):
+def test_notebook_of_the_papers_case_runs_from_top_to_bottom(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its own assertions hold; the demand is small. The notebook itself lies there without outputs."""
     monkeypatch.setenv("NOTEBOOK_DURATION_S", "200")
     notebook = nbformat.read(NOTEBOOK, as_version=4)

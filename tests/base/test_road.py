@@ -12,7 +12,9 @@ BENT_ROADS = {radius_ft: bent_road(radius_ft, arc_ft=1500) for radius_ft in (400
 
 
 @given(radius_ft=st.sampled_from(sorted(BENT_ROADS)), share=st.floats(0.001, 0.999), across=st.floats(0, 1))
-def test_station_and_offset_on_the_pavement_of_a_bend_come_back_from_the_world_point(radius_ft, share, across):
+def test_station_and_offset_on_the_pavement_of_a_bend_come_back_from_the_world_point(
+    radius_ft, share: float, across: float
+) -> None:
     road = BENT_ROADS[radius_ft]
     s, d = share * road.length, -road.right_shoulder + across * (road.left_edge + road.right_shoulder)
     back_s, back_d = road.to_sd(road.to_xy(s, d))
@@ -20,7 +22,7 @@ def test_station_and_offset_on_the_pavement_of_a_bend_come_back_from_the_world_p
 
 
 @given(s=st.floats(-100, 1700), d=st.floats(-20, 20))
-def test_straight_road_from_the_origin_is_the_world_frame(s, d):
+def test_straight_road_from_the_origin_is_the_world_frame(s: float, d: float) -> None:
     road = paper_road()
     assert road.to_xy(s, d) == pytest.approx([s, d])
     back_s, back_d = road.to_sd([[s, d]])
@@ -28,7 +30,7 @@ def test_straight_road_from_the_origin_is_the_world_frame(s, d):
 
 
 @pytest.mark.parametrize("radius_ft", [600, -600])
-def test_points_beside_an_arc_lie_on_the_circle_of_their_offset(radius_ft):
+def test_points_beside_an_arc_lie_on_the_circle_of_their_offset(radius_ft: int) -> None:
     road = paper_road(length_ft=None, alignment=(Bend(length_ft=900, radius_ft=radius_ft),))
     radius, s, middle = radius_ft * 0.3048, np.linspace(0, road.length, 500), 18 * 0.3048
     assert road.length == pytest.approx(900 * 0.3048, rel=1e-4)
@@ -38,30 +40,30 @@ def test_points_beside_an_arc_lie_on_the_circle_of_their_offset(radius_ft):
 
 
 @pytest.mark.parametrize("radius_ft", [600, -600])
-def test_heading_on_an_arc_grows_with_the_curvature(radius_ft):
+def test_heading_on_an_arc_grows_with_the_curvature(radius_ft: int) -> None:
     road = paper_road(length_ft=None, alignment=(Bend(length_ft=900, radius_ft=radius_ft),))
     s = np.linspace(10, road.length - 10, 50)
     assert road.heading_at(s) == pytest.approx(s / (radius_ft * 0.3048), abs=1e-3)
 
 
-def test_lanes_are_counted_from_the_right():
+def test_lanes_are_counted_from_the_right() -> None:
     road = paper_road()
     assert [road.lane_span(lane)[0] / 0.3048 for lane in range(3)] == pytest.approx([0, 12, 24])
     assert road.lane_centre(2) / 0.3048 == pytest.approx(30)
     assert road.left_edge / 0.3048 == pytest.approx(48)
 
 
-def test_bend_tighter_than_the_pavement_is_refused_with_both_numbers():
+def test_bend_tighter_than_the_pavement_is_refused_with_both_numbers() -> None:
     with pytest.raises(SpecError, match=r"7\.6 m \(25 ft\).*reaches 9\.1 m.*more than 9\.14 m \(30\.0 ft\)"):
         paper_road(length_ft=None, alignment=(Bend(length_ft=60, radius_ft=25),))
 
 
-def test_road_that_crosses_itself_is_refused_with_its_length():
+def test_road_that_crosses_itself_is_refused_with_its_length() -> None:
     with pytest.raises(SpecError, match=r"runs across itself within its 2\d\d\d m; shorten it"):
         paper_road(length_ft=None, alignment=(Bend(length_ft=7000, radius_ft=984),))
 
 
-def test_road_with_a_repeated_point_is_refused():
+def test_road_with_a_repeated_point_is_refused() -> None:
     with pytest.raises(SpecError, match="same point twice"):
         paper_road(length_ft=None, reference_points_m=((0, 0), (0, 0), (100, 0)))
 
@@ -77,7 +79,7 @@ def test_road_with_a_repeated_point_is_refused():
         ({"length_ft": None, "alignment": [{"length_ft": 100, "radius_ft": 0}]}, r"radius_ft=0 is no bend"),
     ],
 )
-def test_road_spec_that_cannot_be_is_refused_with_key_and_rule(changes, message):
+def test_road_spec_that_cannot_be_is_refused_with_key_and_rule(changes, message: str) -> None:
     content = {"lane_count": 3, "left_shoulder_ft": 12, "right_shoulder_ft": 10, "length_ft": 5000} | changes
     with pytest.raises(SpecError, match=message):
         parse_spec(RoadSpec, content, source="road.toml")

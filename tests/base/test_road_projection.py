@@ -8,7 +8,7 @@ from wzsumo.road_projection import _nearest_point, mitred_line
 
 
 @given(n=st.integers(2, 90), seed=st.integers(0, 2**32 - 1), far=st.floats(0, 1e4))
-def test_nearest_point_is_that_of_all_distances_wherever_the_search_starts(n, seed, far):
+def test_nearest_point_is_that_of_all_distances_wherever_the_search_starts(n: int, seed: int, far: float) -> None:
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.uniform(0.1, 30, (n, 2)), axis=0)
     line = mitred_line(points, np.zeros_like(points))
@@ -18,7 +18,7 @@ def test_nearest_point_is_that_of_all_distances_wherever_the_search_starts(n, se
     assert distances[found] == pytest.approx(distances.min(), rel=1e-12)
 
 
-def test_points_in_any_order_come_back_to_the_stations_they_were_laid_out_at():
+def test_points_in_any_order_come_back_to_the_stations_they_were_laid_out_at() -> None:
     road = RoadSpec(
         lane_count=3,
         left_shoulder_ft=10,

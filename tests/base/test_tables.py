@@ -15,12 +15,12 @@ def refusal(traces):
     return str(refused.value)
 
 
-def test_shuffled_traces_come_back_by_vehicle_and_time():
+def test_shuffled_traces_come_back_by_vehicle_and_time() -> None:
     shuffled = TRACES.sample(frac=1, random_state=3)
     pd.testing.assert_frame_equal(check_traces(shuffled, source="traces.csv"), TRACES)
 
 
-def test_checking_leaves_the_given_table_unchanged():
+def test_checking_leaves_the_given_table_unchanged() -> None:
     given = TRACES.assign(vehicle_id=np.arange(len(TRACES)), lane=1)
     before = given.copy()
     checked = check_traces(given, source="traces.csv")
@@ -30,7 +30,7 @@ def test_checking_leaves_the_given_table_unchanged():
 
 
 @pytest.mark.parametrize("column", ["vehicle_id", "time_s", "x_m", "y_m"])
-def test_missing_column_is_refused_by_name_with_those_given(column):
+def test_missing_column_is_refused_by_name_with_those_given(column: str) -> None:
     message = refusal(TRACES.drop(columns=column))
     assert f"traces.csv: column(s) {column} missing" in message
     assert "given: " in message
@@ -38,7 +38,7 @@ def test_missing_column_is_refused_by_name_with_those_given(column):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, "north"])
 @pytest.mark.parametrize("column", ["time_s", "x_m", "y_m", "speed_mps"])
-def test_value_that_is_no_finite_number_is_refused_with_row_and_column(column, value):
+def test_value_that_is_no_finite_number_is_refused_with_row_and_column(column: str, value) -> None:
     bad = TRACES.astype({column: object})
     bad.loc[4, column] = value
     message = refusal(bad)
@@ -46,11 +46,11 @@ def test_value_that_is_no_finite_number_is_refused_with_row_and_column(column, v
     assert f"1 of {len(TRACES)} rows" in message
 
 
-def test_empty_vehicle_id_is_refused_with_the_row():
+def test_empty_vehicle_id_is_refused_with_the_row() -> None:
     bad = TRACES.astype({"vehicle_id": object})
     bad.loc[2, "vehicle_id"] = None
     assert "vehicle_id is empty in row 2" in refusal(bad)
 
 
-def test_table_without_fixes_is_refused():
+def test_table_without_fixes_is_refused() -> None:
     assert "no fixes" in refusal(TRACES.iloc[:0])

@@ -40,7 +40,7 @@ PRINTED_SIGHT_DISTANCES_FT = [
 
 
 @pytest.mark.parametrize(("speed_mph", "merging", "shifting", "shoulder"), PRINTED_TAPERS_FT)
-def test_tapers_for_12_ft_offset_match_printed_table(speed_mph, merging, shifting, shoulder):
+def test_tapers_for_12_ft_offset_match_printed_table(speed_mph, merging, shifting, shoulder) -> None:
     lengths = [
         f(speed_mph, offset_ft=12) for f in (merging_taper_length_ft, shifting_taper_length_ft, shoulder_taper_length_ft)
     ]
@@ -48,14 +48,14 @@ def test_tapers_for_12_ft_offset_match_printed_table(speed_mph, merging, shiftin
 
 
 @pytest.mark.parametrize("speed_mph", PRINTED_MERGING_FT)
-def test_merging_taper_matches_printed_table_at_every_width(speed_mph):
+def test_merging_taper_matches_printed_table_at_every_width(speed_mph) -> None:
     lengths = [merging_taper_length_ft(speed_mph, offset_ft=width) for width in PRINTED_WIDTHS_FT]
     assert lengths == pytest.approx(PRINTED_MERGING_FT[speed_mph], abs=0.5)  # whole feet
 
 
 @pytest.mark.parametrize(("speed_mph", "merging", "shifting", "shoulder"), PRINTED_TAPERS_FT)
 @pytest.mark.parametrize("offset_ft", [0, 1, 3, 6.5, 10, 11, 24, 36])
-def test_tapers_are_in_proportion_to_the_width(speed_mph, merging, shifting, shoulder, offset_ft):
+def test_tapers_are_in_proportion_to_the_width(speed_mph, merging, shifting, shoulder, offset_ft: float) -> None:
     lengths = [
         f(speed_mph, offset_ft=offset_ft) for f in (merging_taper_length_ft, shifting_taper_length_ft, shoulder_taper_length_ft)
     ]
@@ -64,12 +64,12 @@ def test_tapers_are_in_proportion_to_the_width(speed_mph, merging, shifting, sho
 
 
 @pytest.mark.parametrize(("lanes", "per_lane_ft", "length_ft"), [(1, 50, 50), (1, 100, 100), (2, 100, 200), (3, 75, 225)])
-def test_downstream_taper_is_50_to_100_ft_a_lane(lanes, per_lane_ft, length_ft):
+def test_downstream_taper_is_50_to_100_ft_a_lane(lanes: int, per_lane_ft: int, length_ft: int) -> None:
     assert downstream_taper_length_ft(lanes, per_lane_ft=per_lane_ft) == length_ft
 
 
 @pytest.mark.parametrize("length_ft", [49, 101, float("nan")])
-def test_short_taper_outside_50_to_100_ft_is_refused_with_its_key(length_ft):
+def test_short_taper_outside_50_to_100_ft_is_refused_with_its_key(length_ft) -> None:
     with pytest.raises(SpecError, match=rf"one_lane_two_way_taper_ft={length_ft} must be 50 to 100 ft"):
         one_lane_two_way_taper_length_ft(length_ft)
     with pytest.raises(SpecError, match=rf"downstream_taper_ft={length_ft} must be 50 to 100 ft"):
@@ -77,43 +77,43 @@ def test_short_taper_outside_50_to_100_ft_is_refused_with_its_key(length_ft):
 
 
 @pytest.mark.parametrize(("speed_mph", "length_ft"), PRINTED_SIGHT_DISTANCES_FT)
-def test_buffer_matches_printed_stopping_sight_distance(speed_mph, length_ft):
+def test_buffer_matches_printed_stopping_sight_distance(speed_mph, length_ft) -> None:
     assert buffer_length_ft(speed_mph) == length_ft
 
 
-def test_buffer_between_two_printed_speeds_is_that_of_the_higher():
+def test_buffer_between_two_printed_speeds_is_that_of_the_higher() -> None:
     assert buffer_length_ft(52) == 495
 
 
-def test_merging_taper_jumps_from_320_to_540_ft_between_40_and_45_mph():
+def test_merging_taper_jumps_from_320_to_540_ft_between_40_and_45_mph() -> None:
     # L = W S^2 / 60 is 405 ft at 45 mph, L = W S is 540 ft: the two formulas do not meet.
     assert [merging_taper_length_ft(speed, offset_ft=12) for speed in (40, 45)] == [320, 540]
 
 
 @pytest.mark.parametrize("speed_mph", [40.5, 42, 44.9])
-def test_taper_between_40_and_45_mph_is_refused_with_the_speed(speed_mph):
+def test_taper_between_40_and_45_mph_is_refused_with_the_speed(speed_mph: float) -> None:
     with pytest.raises(SpecError, match=rf"{speed_mph}.*between 40 and 45 mph; post 40 or 45"):
         merging_taper_length_ft(speed_mph, offset_ft=12)
 
 
 @pytest.mark.parametrize("speed_mph", [19, 76, -60, float("nan")])
-def test_taper_outside_the_tables_is_refused_with_the_range(speed_mph):
+def test_taper_outside_the_tables_is_refused_with_the_range(speed_mph) -> None:
     with pytest.raises(SpecError, match=rf"{speed_mph}.*20 to 75 mph"):
         merging_taper_length_ft(speed_mph, offset_ft=12)
 
 
 @pytest.mark.parametrize("offset_ft", [-1, float("nan"), float("inf")])
-def test_taper_for_an_offset_that_is_no_width_is_refused(offset_ft):
+def test_taper_for_an_offset_that_is_no_width_is_refused(offset_ft) -> None:
     with pytest.raises(SpecError, match=f"offset_ft={offset_ft}"):
         merging_taper_length_ft(60, offset_ft=offset_ft)
 
 
-def test_spacing_is_the_speed_in_tapers_and_twice_in_tangents():
+def test_spacing_is_the_speed_in_tapers_and_twice_in_tangents() -> None:
     assert (taper_spacing_ft(60), tangent_spacing_ft(60)) == (60, 120)
 
 
 @given(length_ft=st.floats(1, 5000), spacing_ft=st.floats(5, 200))
-def test_device_gaps_are_the_fewest_that_keep_the_spacing(length_ft, spacing_ft):
+def test_device_gaps_are_the_fewest_that_keep_the_spacing(length_ft: float, spacing_ft: float) -> None:
     gaps = device_gaps(length_ft, spacing_ft=spacing_ft)
     assert length_ft / gaps <= spacing_ft * (1 + 1e-6)
     assert gaps == 1 or length_ft / (gaps - 1) > spacing_ft * (1 - 1e-6)

@@ -47,13 +47,17 @@ def driven_leader(gap_m, speed_at, *, dt=0.05):
         (10.0, 40.0, 10.0, 1.4 * (1 - 0.2**2)),  # the dynamic part does not shrink the gap below s0
     ],
 )
-def test_idm_acceleration_is_that_of_the_idm_without_its_free_road_term(speed, leader_speed, gap, expected):
+def test_idm_acceleration_is_that_of_the_idm_without_its_free_road_term(
+    speed: float, leader_speed: float, gap: float, expected
+) -> None:
     leader = Leader(gap_m=gap, speed_mps=leader_speed)
     assert idm_acceleration(speed, leader=leader, spec=IdmSpec()) == pytest.approx(expected)
 
 
 @given(speed=st.floats(0, 40), leader_speed=st.floats(0, 40), gap=st.floats(0.1, 200), more=st.floats(0, 50))
-def test_more_room_and_a_faster_leader_never_ask_for_harder_braking(speed, leader_speed, gap, more):
+def test_more_room_and_a_faster_leader_never_ask_for_harder_braking(
+    speed: float, leader_speed: float, gap: float, more: float
+) -> None:
     near = idm_acceleration(speed, leader=Leader(gap_m=gap, speed_mps=leader_speed), spec=IdmSpec())
     far = idm_acceleration(speed, leader=Leader(gap_m=gap + more, speed_mps=leader_speed), spec=IdmSpec())
     faster = idm_acceleration(speed, leader=Leader(gap_m=gap, speed_mps=leader_speed + more), spec=IdmSpec())
@@ -63,7 +67,7 @@ def test_more_room_and_a_faster_leader_never_ask_for_harder_braking(speed, leade
 
 @pytest.mark.parametrize("gap", [0.0, -1.5])
 @pytest.mark.parametrize("law", [idm_acceleration, acc_acceleration])
-def test_a_gap_that_is_used_up_asks_for_all_brakes(law, gap):
+def test_a_gap_that_is_used_up_asks_for_all_brakes(law, gap: float) -> None:
     assert law(5.0, leader=Leader(gap_m=gap, speed_mps=5.0), spec=IdmSpec()) == -math.inf
 
 
@@ -79,13 +83,17 @@ def test_a_gap_that_is_used_up_asks_for_all_brakes(law, gap):
         (20.0, 20.0, 9.0, 30.0, 1.4),  # no more than one's own a
     ],
 )
-def test_constant_acceleration_heuristic_just_avoids_the_crash(speed, leader_speed, leader_acceleration, gap, expected):
+def test_constant_acceleration_heuristic_just_avoids_the_crash(
+    speed: float, leader_speed: float, leader_acceleration: float, gap: float, expected
+) -> None:
     leader = Leader(gap_m=gap, speed_mps=leader_speed, acceleration_mps2=leader_acceleration)
     assert constant_acceleration_heuristic(speed, leader=leader, spec=IdmSpec()) == pytest.approx(expected)
 
 
 @given(speed=st.floats(0, 40), leader_speed=st.floats(0, 40), leader_acceleration=st.floats(-8, 3), gap=st.floats(0.5, 200))
-def test_cruise_control_brakes_as_the_idm_or_more_gently(speed, leader_speed, leader_acceleration, gap):
+def test_cruise_control_brakes_as_the_idm_or_more_gently(
+    speed: float, leader_speed: float, leader_acceleration: float, gap: float
+) -> None:
     leader = Leader(gap_m=gap, speed_mps=leader_speed, acceleration_mps2=leader_acceleration)
     idm = idm_acceleration(speed, leader=leader, spec=IdmSpec())
     acc = acc_acceleration(speed, leader=leader, spec=IdmSpec())
@@ -95,7 +103,7 @@ def test_cruise_control_brakes_as_the_idm_or_more_gently(speed, leader_speed, le
     assert acc_acceleration(speed, leader=leader, spec=IdmSpec(coolness=0.0)) == pytest.approx(idm)
 
 
-def test_cruise_control_takes_a_close_cut_in_calmly_where_the_idm_brakes_with_all_it_has():
+def test_cruise_control_takes_a_close_cut_in_calmly_where_the_idm_brakes_with_all_it_has() -> None:
     hardest = {}
     for car_following in ("idm", "acc"):
         control = ControlSection(car_following=car_following, target_speed_mps=24.0)
@@ -108,7 +116,7 @@ def test_cruise_control_takes_a_close_cut_in_calmly_where_the_idm_brakes_with_al
 
 
 @pytest.mark.parametrize(("gap", "speed"), [(math.nan, 3.0), (math.inf, 3.0), (10.0, math.nan)])
-def test_a_leader_that_is_not_finite_is_refused(gap, speed):
+def test_a_leader_that_is_not_finite_is_refused(gap, speed) -> None:
     with pytest.raises(InputError, match="give None where there is no leader"):
         Leader(gap_m=gap, speed_mps=speed)
 
@@ -122,7 +130,7 @@ def test_a_leader_that_is_not_finite_is_refused(gap, speed):
         (25.0, lambda time: 8.0 + 8.0 * math.cos(time / 8)),  # stop and go
     ],
 )
-def test_the_ego_never_touches_its_leader(longitudinal, car_following, gap, speed_at):
+def test_the_ego_never_touches_its_leader(longitudinal: str, car_following: str, gap: float, speed_at) -> None:
     control = ControlSection(longitudinal=longitudinal, car_following=car_following, target_speed_mps=24.0)
     speed = min(24.0, max(speed_at(0.0), 20.0))
     plant = PlantSpec(command_delay_s=0.1)
@@ -131,7 +139,7 @@ def test_the_ego_never_touches_its_leader(longitudinal, car_following, gap, spee
     assert run["acceleration"].min() > -8.5
 
 
-def test_without_car_following_the_pid_alone_runs_into_the_queue():
+def test_without_car_following_the_pid_alone_runs_into_the_queue() -> None:
     control = ControlSection(car_following="none", target_speed_mps=10.0)
     queue = driven_leader(150.0, lambda _: 0.0)
     run = drive(straight_path(500), control, PlantSpec(), speed=10.0, leader=queue, time_limit=30)
@@ -139,7 +147,7 @@ def test_without_car_following_the_pid_alone_runs_into_the_queue():
     assert run["speed"].min() > 9.5
 
 
-def test_the_gap_in_steady_following_is_standstill_gap_and_time_gap():
+def test_the_gap_in_steady_following_is_standstill_gap_and_time_gap() -> None:
     control = ControlSection(target_speed_mps=24.0)
     still_air = PlantSpec(drag_area_m2=0.0, rolling_resistance=0.0)
     leader = driven_leader(60.0, lambda _: 15.0)
@@ -163,7 +171,7 @@ def stop_before(place_m, *, speed, seen_at_m=0.0):
 
 
 @pytest.mark.parametrize("speed", [10.0, 20.0, 27.0])
-def test_ego_that_sees_a_place_in_time_stops_before_it_with_comfortable_braking(speed):
+def test_ego_that_sees_a_place_in_time_stops_before_it_with_comfortable_braking(speed: float) -> None:
     left, speeds, accelerations = stop_before(speed**2 / 4 + 60.0, speed=speed)
     assert speeds[-1] < 0.05
     assert 0 < left[-1] < 1.5 * STOP_MARGIN_M
@@ -172,7 +180,7 @@ def test_ego_that_sees_a_place_in_time_stops_before_it_with_comfortable_braking(
     assert np.abs(over_half_a_second).max() < 2.5  # m/s3; ISO 15622, of adaptive cruise control above 20 m/s
 
 
-def test_ego_that_sees_a_place_late_brakes_no_harder_than_it_takes_to_stop_before_it():
+def test_ego_that_sees_a_place_late_brakes_no_harder_than_it_takes_to_stop_before_it() -> None:
     left, speeds, accelerations = stop_before(12.0, speed=10.0, seen_at_m=50.0)
     assert speeds[-1] < 0.05
     assert left[-1] > 0
@@ -180,17 +188,17 @@ def test_ego_that_sees_a_place_late_brakes_no_harder_than_it_takes_to_stop_befor
     assert -accelerations.min() < 1.6 * needed  # the power train answers 0.3 s late, which asks for more afterwards
 
 
-def test_place_that_is_far_off_takes_nothing_of_the_acceleration():
+def test_place_that_is_far_off_takes_nothing_of_the_acceleration() -> None:
     assert stopping_acceleration(10.0, distance_m=1e6, spec=IdmSpec()) == pytest.approx(IdmSpec().acceleration_mps2)
 
 
 @given(speed=st.floats(0, 40), distance=st.floats(-5, 300), more=st.floats(0, 100))
-def test_place_farther_off_never_asks_for_harder_braking(speed, distance, more):
+def test_place_farther_off_never_asks_for_harder_braking(speed: float, distance: float, more: float) -> None:
     near = stopping_acceleration(speed, distance_m=distance, spec=IdmSpec())
     assert stopping_acceleration(speed, distance_m=distance + more, spec=IdmSpec()) >= near - 1e-12
 
 
-def test_ceiling_that_drops_within_comfort_is_reached_by_a_steady_jerk_and_an_emergency_at_once():
+def test_ceiling_that_drops_within_comfort_is_reached_by_a_steady_jerk_and_an_emergency_at_once() -> None:
     spec, ceilings = IdmSpec(), [1.4]
     for _ in range(20):
         ceilings.append(eased(-2.0, speed=15.0, last=ceilings[-1], dt=0.05, spec=spec))

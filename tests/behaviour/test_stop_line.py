@@ -24,7 +24,7 @@ def ahead(*, bumper_to_line_m, speed_mps, may_enter=False):
     return stop_line_ahead(state, vehicle=CAR, layout=LAYOUT, may_enter=may_enter)
 
 
-def test_stop_line_holds_back_whoever_can_still_stop():
+def test_stop_line_holds_back_whoever_can_still_stop() -> None:
     assert ahead(bumper_to_line_m=40, speed_mps=10) == pytest.approx(40)
 
 
@@ -36,16 +36,16 @@ def test_stop_line_holds_back_whoever_can_still_stop():
         ("too late", {"bumper_to_line_m": 12, "speed_mps": 10}),  # 10^2 / (2 x 3) = 16.7 m to stop
     ],
 )
-def test_stop_line_lets_go_on_whoever_may_or_must(case, given):
+def test_stop_line_lets_go_on_whoever_may_or_must(case: str, given) -> None:
     assert ahead(**given) is None
 
 
-def test_waiting_at_the_stop_line_goes_on_until_green():
+def test_waiting_at_the_stop_line_goes_on_until_green() -> None:
     assert ahead(bumper_to_line_m=0.2, speed_mps=0.0) == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(("length_m", "speed_mps"), [(20.0, 10.0), (430.0, 10.0), (300.0, 20.0)])
-def test_red_clears_the_lane_of_who_starts_last(length_m, speed_mps):
+def test_red_clears_the_lane_of_who_starts_last(length_m: float, speed_mps: float) -> None:
     # A slow twin: drive it in steps of a millisecond with 1 m/s2 up to the speed.
     t, s, v = 0.0, 0.0, 0.0
     while s < length_m:

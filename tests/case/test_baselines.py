@@ -46,14 +46,14 @@ SITE = prepare_site(SCENARIO)
 LANE = SITE.layout.road.lane_centre(1)
 
 
-def test_map_of_before_frees_the_lanes_that_are_closed_now_and_no_shoulder():
+def test_map_of_before_frees_the_lanes_that_are_closed_now_and_no_shoulder() -> None:
     road, free = SITE.layout.road, stale_map(SITE).free
     lanes = cells_inside(SITE.cells, road.strip(0, road.length, 0, road.travelled_width))
     np.testing.assert_array_equal(free, lanes)
     assert free[cells_inside(SITE.cells, SITE.layout.closed_area)].any()
 
 
-def test_every_device_on_the_lanes_is_marked_on_the_map_of_before_and_little_else():
+def test_every_device_on_the_lanes_is_marked_on_the_map_of_before_and_little_else() -> None:
     devices, marked = SITE.layout.devices, stale_map(SITE).free & ~stale_map_with_devices(SITE).free
     row, col = SITE.cells.cell_of(devices[["x_m", "y_m"]])
     on_lanes = stale_map(SITE).free[row, col]
@@ -62,7 +62,7 @@ def test_every_device_on_the_lanes_is_marked_on_the_map_of_before_and_little_els
     assert marked.sum() * SITE.cells.resolution**2 < len(devices) * 0.7**2  # a base of 14 in and a cell
 
 
-def test_mapping_car_is_the_first_that_begins_in_the_egos_lane_and_its_drive_is_of_its_rear_axle():
+def test_mapping_car_is_the_first_that_begins_in_the_egos_lane_and_its_drive_is_of_its_rear_axle() -> None:
     fleet = fleet_of(("late", LANE, 9.0), ("beside", SITE.layout.road.lane_centre(0), 0.0), ("first", LANE, 4.0))
     vehicle_id, drive = mapping_drive(fleet, scenario=SCENARIO, site=SITE)
     assert vehicle_id == "first"
@@ -70,13 +70,13 @@ def test_mapping_car_is_the_first_that_begins_in_the_egos_lane_and_its_drive_is_
     assert at == pytest.approx(15 * (140.0 - 134.0) - SCENARIO.vehicle.axle_to_centre_m)
 
 
-def test_fleet_without_a_car_in_the_egos_lane_is_refused_with_the_remedy():
+def test_fleet_without_a_car_in_the_egos_lane_is_refused_with_the_remedy() -> None:
     for fleet in (fleet_of(("truck", LANE, 0.0), length_m=12.0), fleet_of(("early", LANE, 0.0), start_s=20.0)):
         with pytest.raises(SpecError, match=r"no car began in lane 1 .* raise simulation\.demand\.flow_vph"):
             mapping_drive(fleet, scenario=SCENARIO, site=SITE)
 
 
-def test_vehicles_of_a_moment_are_carried_on_from_their_last_fix():
+def test_vehicles_of_a_moment_are_carried_on_from_their_last_fix() -> None:
     drive = Drive(time_s=np.array([130.0, 150.0]), poses=np.zeros((2, 3)))
     vehicles = others_at(fleet_of(("a", 2.0, 0.0), ("b", 5.0, 3.0)), drive)
     at = vehicles(135.05).set_index("y_m")["x_m"]
@@ -90,14 +90,14 @@ def baselines():
     return map_baselines(BASELINE_METHODS, fleet, scenario=SCENARIO, site=SITE, progress=quiet_progress)
 
 
-def test_mapping_drive_knows_its_way_to_decimetres_and_finds_the_devices(baselines):
+def test_mapping_drive_knows_its_way_to_decimetres_and_finds_the_devices(baselines) -> None:
     assert baselines.slam["vehicle_id"] == "mapper"
     assert baselines.slam["ate_m"] < 0.1  # the bar for a drive between cones with RTK
     assert baselines.slam["dead_reckoning_ate_m"] > baselines.slam["ate_m"]
     assert abs(baselines.slam["n_devices_mapped"] - len(SITE.layout.devices)) <= 1
 
 
-def test_barrier_separates_the_closed_area_from_the_open_lanes_and_the_raw_view_does_not(baselines):
+def test_barrier_separates_the_closed_area_from_the_open_lanes_and_the_raw_view_does_not(baselines) -> None:
     activity = SITE.layout.area("activity area")
     x, road = (activity.start + activity.end) / 2, SITE.layout.road
     open_lane, closed_lane = (x, road.lane_centre(0)), (x, road.lane_centre(2))
@@ -111,7 +111,7 @@ def test_barrier_separates_the_closed_area_from_the_open_lanes_and_the_raw_view_
     assert joined["slam_log_odds"]
 
 
-def test_slam_maps_end_at_the_pavement_and_are_nominal_outside_the_zone(baselines):
+def test_slam_maps_end_at_the_pavement_and_are_nominal_outside_the_zone(baselines) -> None:
     road = SITE.layout.road
     beyond = ~cells_inside(SITE.cells, road.strip(0, road.length, -road.right_shoulder, road.left_edge))
     for name in ("slam_raw", "slam_log_odds", "slam_barrier"):
@@ -119,7 +119,7 @@ def test_slam_maps_end_at_the_pavement_and_are_nominal_outside_the_zone(baseline
         assert baselines.maps[name].free[SITE.nominal].all()
 
 
-def test_only_what_is_asked_for_is_mapped():
+def test_only_what_is_asked_for_is_mapped() -> None:
     fleet = fleet_of(("truck", LANE, 0.0), length_m=12.0)  # no mapping drive could be made of it
     only = map_baselines(["lanes", "hd_map"], fleet, scenario=SCENARIO, site=SITE, progress=quiet_progress)
     assert list(only.maps) == ["hd_map"]

@@ -47,34 +47,34 @@ def changing(x_change, *, start, end):
     return traces.assign(vehicle_id="changer")
 
 
-def test_lines_of_those_who_leave_the_zone_in_another_lane_are_no_guide(site):
+def test_lines_of_those_who_leave_the_zone_in_another_lane_are_no_guide(site) -> None:
     crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
     assert inner_lines(crowd, site) == [(460, 660, MIDDLE), (660, 900, MIDDLE)]
 
 
-def test_guide_leads_over_with_who_changed_to_the_goals_lane(site):
+def test_guide_leads_over_with_who_changed_to_the_goals_lane(site) -> None:
     traces = pd.concat([straight_traces([RIGHT], length_m=1100.0), changing(660, start=RIGHT, end=MIDDLE)])
     assert inner_lines(crowd_of(traces, STRETCHES), site) == [(460, 660, RIGHT), (660, 900, MIDDLE)]
 
 
-def test_all_lines_are_a_guide_where_nobody_went_to_the_goals_lane(site):
+def test_all_lines_are_a_guide_where_nobody_went_to_the_goals_lane(site) -> None:
     crowd = crowd_of(straight_traces([RIGHT], length_m=1100.0), STRETCHES)
     assert len(inner_lines(crowd, site)) == len(STRETCHES)
 
 
-def test_lane_that_a_trace_ends_in_is_told_by_its_last_stretch_alone(site):
+def test_lane_that_a_trace_ends_in_is_told_by_its_last_stretch_alone(site) -> None:
     traces = pd.concat([straight_traces([RIGHT, MIDDLE]), changing(60, start=MIDDLE, end=RIGHT)])
     assert set(bound_for((100.0, RIGHT), traces, road=site.layout.road)["vehicle_id"]) == {"v000", "changer"}
 
 
-def test_lines_of_all_come_second(site):
+def test_lines_of_all_come_second(site) -> None:
     crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
     guides = guides_for(crowd, site=site)
     assert len(guides) == 2
     assert len(guides[1]) == len(nominal_guide(site)) + len(STRETCHES)
 
 
-def test_line_on_a_bend_follows_it():
+def test_line_on_a_bend_follows_it() -> None:
     site = prepare_site(load_scenario("scenarios/paper_bend_300m.toml"))
     road = site.layout.road
     s = np.arange(0.0, road.length)

@@ -38,13 +38,13 @@ def width_of(ground, site):
     return float(ground[:, col].sum() * site.cells.resolution)
 
 
-def test_ground_that_two_vehicles_drove_over_is_as_wide_as_they_have_in_common(site):
+def test_ground_that_two_vehicles_drove_over_is_as_wide_as_they_have_in_common(site) -> None:
     crowd = crowd_of(straight_traces([MIDDLE - 0.2, MIDDLE + 0.2], length_m=1100.0))
     ground = driven_ground(crowd, scenario=PAPER, cells=site.cells)
     assert width_of(ground, site) == pytest.approx(2 * REACH_M - 0.4, abs=site.cells.resolution)
 
 
-def test_ground_that_one_vehicle_drove_over_or_two_with_unsure_positions_is_not_known_to_be_free(site):
+def test_ground_that_one_vehicle_drove_over_or_two_with_unsure_positions_is_not_known_to_be_free(site) -> None:
     alone = crowd_of(straight_traces([MIDDLE], length_m=1100.0))
     assert not driven_ground(alone, scenario=PAPER, cells=site.cells).any()
     together = crowd_of(straight_traces([MIDDLE, MIDDLE], length_m=1100.0))
@@ -61,7 +61,7 @@ def doubtful_map(site):
     return site.cells.with_p_occupied(p)
 
 
-def test_plan_goes_where_the_crowd_drove_though_the_map_doubts_it(site):
+def test_plan_goes_where_the_crowd_drove_though_the_map_doubts_it(site) -> None:
     crowd = crowd_of(straight_traces([MIDDLE, MIDDLE], length_m=1100.0))
     plan = map_and_plan.plan_for("lanes", doubtful_map(site), scenario=PAPER, site=site, crowd=crowd)
     inside = (plan.path.poses[:, 0] > 600) & (plan.path.poses[:, 0] < 700)
@@ -70,7 +70,7 @@ def test_plan_goes_where_the_crowd_drove_though_the_map_doubts_it(site):
     assert blocked.path is None
 
 
-def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(site, monkeypatch):
+def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(site, monkeypatch: pytest.MonkeyPatch):
     found = []
 
     def plan_without_the_first(grid, **given):
@@ -88,7 +88,7 @@ def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(
 
 
 @pytest.mark.parametrize("method", ["lanes", "swept"])
-def test_wish_for_clearance_on_a_map_of_the_crowd_is_raised_and_a_higher_one_kept(method):
+def test_wish_for_clearance_on_a_map_of_the_crowd_is_raised_and_a_higher_one_kept(method: str) -> None:
     for own, wished in ((0.7, 1.2), (2.0, 2.0)):
         planner = PAPER.planner.model_copy(update={"preferred_clearance_m": own})
         assert planner_for(method, planner).preferred_clearance_m == wished

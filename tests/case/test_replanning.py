@@ -44,7 +44,7 @@ def site():
 
 
 @pytest.fixture(scope="module")
-def files(site, tmp_path_factory):
+def files(site, tmp_path_factory: pytest.TempPathFactory):
     spec = SimulationSpec(demand=DemandSpec(flow_vph=600, duration_s=200, truck_share=0.1))
     return write_sumo_files(site.layout, tmp_path_factory.mktemp("closing"), spec=spec, seed=5)
 
@@ -61,10 +61,12 @@ def drive(site, files, *, new_maps):
     return drive_path(path, layout=site.layout, files=files, drive=how, on_step=lambda _: None, new_maps=new_maps)
 
 
-def test_drivers_are_shown_the_ego_as_wide_as_it_is_with_its_clearance_at_every_step(site, files, monkeypatch):
+def test_drivers_are_shown_the_ego_as_wide_as_it_is_with_its_clearance_at_every_step(
+    site, files, monkeypatch: pytest.MonkeyPatch
+) -> None:
     shown, place_ego = [], Session.place_ego
 
-    def spy(session, parts, *, speed):
+    def spy(session, parts, *, speed) -> None:
         shown.append(parts)
         place_ego(session, parts, speed=speed)
 
@@ -79,13 +81,15 @@ def true_map(site):
     return site.cells.with_p_occupied(np.where(site.nominal | site.drivable, 0.0, 1.0))
 
 
-def test_ego_that_is_told_nothing_of_the_closed_lane_runs_into_its_devices(site, files):
+def test_ego_that_is_told_nothing_of_the_closed_lane_runs_into_its_devices(site, files) -> None:
     run = drive(site, files, new_maps=())
     assert run.outcome in {Outcome.STRUCK_DEVICE, Outcome.ENTERED_CLOSED_AREA}
     assert run.replans == ()
 
 
-def test_map_that_arrives_on_the_way_leads_the_ego_past_the_closed_lane_without_a_jump(site, files, capfd):
+def test_map_that_arrives_on_the_way_leads_the_ego_past_the_closed_lane_without_a_jump(
+    site, files, capfd: pytest.CaptureFixture[str]
+) -> None:
     run = drive(site, files, new_maps=[NewMap(after_s=3.0, plan=partial(plan_on, true_map(site), site))])
     assert run.outcome is Outcome.REACHED_GOAL, run.reason
     assert capfd.readouterr() == (
@@ -105,7 +109,7 @@ def test_map_that_arrives_on_the_way_leads_the_ego_past_the_closed_lane_without_
     assert log["cross_track_m"].abs().max() < 0.2
 
 
-def test_map_without_a_way_on_ends_the_run_and_says_when_and_why(site, files):
+def test_map_without_a_way_on_ends_the_run_and_says_when_and_why(site, files) -> None:
     walled = site.cells.with_p_occupied(np.where(site.nominal, 0.0, 1.0))
     run = drive(site, files, new_maps=[NewMap(after_s=2.0, plan=partial(plan_on, walled, site))])
     assert run.outcome is Outcome.NO_PATH
@@ -114,7 +118,7 @@ def test_map_without_a_way_on_ends_the_run_and_says_when_and_why(site, files):
 
 
 @pytest.mark.parametrize("times", [[5, 5], [10, 4]])
-def test_maps_that_do_not_come_one_after_the_other_are_refused(times):
+def test_maps_that_do_not_come_one_after_the_other_are_refused(times) -> None:
     arrivals = [{"after_s": time, "used": 5} for time in times]
     with pytest.raises(SpecError, match="must come one after the other"):
         parse_spec(MapUpdatesSpec, {"arrivals": arrivals}, source="map_updates")

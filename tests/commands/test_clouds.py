@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,7 +8,7 @@ from wzsumo.cli import main
 from wzsumo.rigid import inverse, moved, rigid, rotation_from_rpy
 
 
-def run(capsys, *words):
+def run(capsys: pytest.CaptureFixture[str], *words):
     """(exit code, stdout, stderr) of one command."""
     with pytest.raises(SystemExit) as stopped:
         main([str(word) for word in words])
@@ -36,7 +37,7 @@ def courtyard(seed, n=6000):
 
 
 @pytest.mark.parametrize("kind", ["npy", "csv"])
-def test_ground_command_labels_a_house_0_and_its_slope_1(tmp_path, capsys, kind):
+def test_ground_command_labels_a_house_0_and_its_slope_1(tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
     points, is_ground = house_on_a_slope()
     if kind == "npy":
         np.save(tmp_path / "in.npy", points)
@@ -50,7 +51,7 @@ def test_ground_command_labels_a_house_0_and_its_slope_1(tmp_path, capsys, kind)
     assert json.loads(out)["n_ground"] == is_ground.sum()
 
 
-def test_ground_command_passes_every_parameter_on(tmp_path, capsys):
+def test_ground_command_passes_every_parameter_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points, _ = house_on_a_slope()
     np.save(tmp_path / "in.npy", points)
     words = ("--cell-m", 2, "--slope", 0.3, "--window-m", 2, "--elevation-threshold-m", 0.4, "--elevation-scalar", 0)
@@ -73,7 +74,9 @@ def test_ground_command_passes_every_parameter_on(tmp_path, capsys):
         (np.zeros((9, 3)), ("--cell-m", 0), "cell_m=0.0"),
     ],
 )
-def test_ground_command_refuses_a_bad_cloud_in_one_line(tmp_path, capsys, points, words, says):
+def test_ground_command_refuses_a_bad_cloud_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], points, words, says: str
+) -> None:
     np.save(tmp_path / "in.npy", points)
     code, out, err = run(capsys, "ground", tmp_path / "in.npy", "--out", tmp_path / "out.npy", *words)
     assert code == 2
@@ -93,7 +96,9 @@ def test_ground_command_refuses_a_bad_cloud_in_one_line(tmp_path, capsys, points
         ("in.npy", b"\x93NUMPY", "cannot be read as .npy"),
     ],
 )
-def test_file_that_is_no_cloud_is_refused_in_one_line(tmp_path, capsys, name, content, says):
+def test_file_that_is_no_cloud_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str, content: bytes, says: str
+) -> None:
     (tmp_path / name).write_bytes(content)
     code, _, err = run(capsys, "ground", tmp_path / name, "--out", tmp_path / "out.npy")
     assert code == 2
@@ -101,14 +106,16 @@ def test_file_that_is_no_cloud_is_refused_in_one_line(tmp_path, capsys, name, co
     assert says in err
 
 
-def test_labels_go_to_an_npy_file_alone(tmp_path, capsys):
+def test_labels_go_to_an_npy_file_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     np.save(tmp_path / "in.npy", house_on_a_slope()[0])
     code, _, err = run(capsys, "ground", tmp_path / "in.npy", "--out", tmp_path / "labels.txt")
     assert code == 2
     assert ".npy" in err
 
 
-def test_register_command_writes_the_transform_that_takes_source_to_target(tmp_path, capsys):
+def test_register_command_writes_the_transform_that_takes_source_to_target(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     truth = rigid(rotation_from_rpy([0.01, 0.02, 0.2]), [1.5, -0.8, 0.2])
     np.save(tmp_path / "source.npy", moved(courtyard(1), inverse(truth)))
     np.savetxt(tmp_path / "target.csv", courtyard(2), delimiter=",")
@@ -128,7 +135,9 @@ def test_register_command_writes_the_transform_that_takes_source_to_target(tmp_p
         (np.full((5, 3), np.inf), "must be finite"),
     ],
 )
-def test_register_command_writes_no_identity_where_clouds_tell_nothing(tmp_path, capsys, source, says):
+def test_register_command_writes_no_identity_where_clouds_tell_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], source, says: str
+) -> None:
     np.save(tmp_path / "source.npy", source)
     np.save(tmp_path / "target.npy", courtyard(1))
     code, _, err = run(capsys, "register", tmp_path / "source.npy", tmp_path / "target.npy", "--out", tmp_path / "T.txt")

@@ -16,7 +16,7 @@ from wzsumo.scenario.scenario import load_scenario
 PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 
 
-def run(capsys, *words):
+def run(capsys: pytest.CaptureFixture[str], *words):
     """(exit code, stdout, stderr) of one command."""
     with pytest.raises(SystemExit) as stopped:
         main([str(word) for word in words])
@@ -24,7 +24,7 @@ def run(capsys, *words):
     return stopped.value.code, out.out, out.err
 
 
-def paper_with(tmp_path, **changes):
+def paper_with(tmp_path: Path, **changes):
     """The paper's scenario with some lines replaced, as a file."""
     text = PAPER.read_text()
     for key, line in changes.items():
@@ -36,7 +36,7 @@ def paper_with(tmp_path, **changes):
     return path
 
 
-def straight_trace_file(path):
+def straight_trace_file(path) -> None:
     s = np.arange(0, 200, 2.0)
     parts = [pd.DataFrame({"vehicle_id": f"v{n}", "time_s": s / 20, "x_m": s, "y_m": 0.3 * n}) for n in range(4)]
     pd.concat(parts).to_csv(path, index=False)
@@ -75,7 +75,9 @@ def straight_trace_file(path):
         ),
     ],
 )
-def test_scenario_that_cannot_be_is_refused_in_one_line_with_its_rule(tmp_path, capsys, changes, says):
+def test_scenario_that_cannot_be_is_refused_in_one_line_with_its_rule(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], changes, says
+) -> None:
     spec = paper_with(tmp_path, **changes)
     code, out, err = run(capsys, "layout", spec, "--out", tmp_path / "out")
     assert code == 2
@@ -85,7 +87,7 @@ def test_scenario_that_cannot_be_is_refused_in_one_line_with_its_rule(tmp_path, 
     assert not (tmp_path / "out").exists()
 
 
-def test_capacity_command_prints_what_the_manual_gives_for_the_papers_zone(capsys):
+def test_capacity_command_prints_what_the_manual_gives_for_the_papers_zone(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "capacity", PAPER, "--json")
     figures = json.loads(out)
     assert code == 0
@@ -94,26 +96,30 @@ def test_capacity_command_prints_what_the_manual_gives_for_the_papers_zone(capsy
     assert figures["demand_flow_vph"] == 1500
 
 
-def test_barrier_beside_the_work_raises_the_discharge_by_what_the_manual_gives_for_it(tmp_path, capsys):
+def test_barrier_beside_the_work_raises_the_discharge_by_what_the_manual_gives_for_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     spec = paper_with(tmp_path, device='device = "drum"\nwork_space_device = "barrier"')
     _, out, _ = run(capsys, "capacity", spec, "--json")
     assert json.loads(out)["queue_discharge_pcphpl"] == 1783.5 + 194  # f_Br, HCM 7, Eq. 10-8
 
 
-def test_zone_posted_below_a_freeways_speed_keeps_its_fitted_drivers(tmp_path):
+def test_zone_posted_below_a_freeways_speed_keeps_its_fitted_drivers(tmp_path: Path) -> None:
     # HCM 7, Eq. 10-8 gives the discharge without a speed; `capacity` alone needs a freeway's free-flow speed.
     slow = load_scenario(paper_with(tmp_path, posted_speed_mph="posted_speed_mph = 45"))
     assert slow.zone_simulation().demand.drivers == load_scenario(PAPER).zone_simulation().demand.drivers
 
 
-def test_capacity_of_a_street_is_refused_in_one_line_with_the_models_range(tmp_path, capsys):
+def test_capacity_of_a_street_is_refused_in_one_line_with_the_models_range(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     spec = paper_with(tmp_path, posted_speed_mph="posted_speed_mph = 35")
     code, out, err = run(capsys, "capacity", spec)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert all(part in err for part in (str(spec), "free-flow speed of 40 mph", "55 to 75 mph", "site.normal_speed_limit_mph"))
 
 
-def test_layout_command_writes_the_zone_that_the_paper_names(tmp_path, capsys):
+def test_layout_command_writes_the_zone_that_the_paper_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "layout", PAPER, "--out", tmp_path / "out", "--json")
     assert code == 0
     areas = json.loads(out)["areas_m"]
@@ -132,7 +138,9 @@ def test_layout_command_writes_the_zone_that_the_paper_names(tmp_path, capsys):
     }
 
 
-def test_map_command_frees_the_lane_that_was_driven_and_leaves_the_rest_unknown(tmp_path, capsys):
+def test_map_command_frees_the_lane_that_was_driven_and_leaves_the_rest_unknown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     straight_trace_file(tmp_path / "traces.csv")
     code, out, _ = run(capsys, "map", tmp_path / "traces.csv", "--out", tmp_path / "out", "--json")
     assert code == 0
@@ -153,7 +161,9 @@ def test_map_command_frees_the_lane_that_was_driven_and_leaves_the_rest_unknown(
         ("vehicle_id,time_s,x_m,y_m\nv1,0,-86.91,40.42\nv1,1,-86.9101,40.42\n", "metres"),
     ],
 )
-def test_trace_file_that_is_none_is_refused_in_one_line(tmp_path, capsys, content, says):
+def test_trace_file_that_is_none_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, says: str
+) -> None:
     path = tmp_path / "traces.csv"
     path.write_text(content)
     code, _, err = run(capsys, "map", path, "--out", tmp_path / "out")
@@ -164,7 +174,9 @@ def test_trace_file_that_is_none_is_refused_in_one_line(tmp_path, capsys, conten
     assert not (tmp_path / "out").exists()
 
 
-def test_plan_command_writes_a_path_of_the_rear_axle_from_start_to_goal(tmp_path, capsys):
+def test_plan_command_writes_a_path_of_the_rear_axle_from_start_to_goal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     write_map(blank_grid((0, -5, 120, 5), resolution=0.25, p_occupied=0.0), tmp_path)
     words = ("--start", 10, 0, 0, "--goal", 100, 1, 0, "--out", tmp_path / "path.csv", "--json")
     code, out, _ = run(capsys, "plan", tmp_path / "map.yaml", *words)
@@ -176,7 +188,7 @@ def test_plan_command_writes_a_path_of_the_rear_axle_from_start_to_goal(tmp_path
     assert path[["x_m", "y_m"]].iloc[-1].tolist() == pytest.approx([100, 1], abs=0.1)
 
 
-def test_plan_command_without_a_way_says_why_and_exits_with_0(tmp_path, capsys):
+def test_plan_command_without_a_way_says_why_and_exits_with_0(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_map(blank_grid((0, -5, 120, 5), resolution=0.25, p_occupied=1.0), tmp_path)
     words = ("--start", 10, 0, 0, "--goal", 100, 0, 0, "--out", tmp_path / "path.csv", "--json")
     code, out, _ = run(capsys, "plan", tmp_path / "map.yaml", *words)
@@ -185,13 +197,15 @@ def test_plan_command_without_a_way_says_why_and_exits_with_0(tmp_path, capsys):
     assert not (tmp_path / "path.csv").exists()
 
 
-def test_methods_given_one_option_each_are_all_taken(tmp_path, capsys):
+def test_methods_given_one_option_each_are_all_taken(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err = run(capsys, "run", PAPER, "--out", tmp_path / "out", "--method", "nonsense", "--method", "swept")
     assert code == 2
     assert "method nonsense: unknown" in err  # the last --method alone would have run
 
 
-def test_more_traces_than_the_fleet_gives_are_refused_and_nothing_is_written(tmp_path, capsys):
+def test_more_traces_than_the_fleet_gives_are_refused_and_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     spec = paper_with(tmp_path, duration_s="duration_s = 150", penetration="penetration = 0.01")
     code, _, err = run(capsys, "run", spec, "--out", tmp_path / "out", "--method", "swept")
     assert code == 2
@@ -200,7 +214,7 @@ def test_more_traces_than_the_fleet_gives_are_refused_and_nothing_is_written(tmp
     assert not (tmp_path / "out").exists()
 
 
-def test_same_scenario_and_seed_give_the_same_result_in_another_process(tmp_path):
+def test_same_scenario_and_seed_give_the_same_result_in_another_process(tmp_path: Path) -> None:
     spec = paper_with(tmp_path, duration_s="duration_s = 300", penetration="penetration = 0.5", collected="collected = 6")
     results = []
     for name in ("first", "second"):
@@ -215,7 +229,9 @@ def test_same_scenario_and_seed_give_the_same_result_in_another_process(tmp_path
     shutil.rmtree(tmp_path / "first")
 
 
-def test_run_in_a_window_on_a_machine_without_a_display_is_refused_before_anything_is_simulated(tmp_path, capsys, monkeypatch):
+def test_run_in_a_window_on_a_machine_without_a_display_is_refused_before_anything_is_simulated(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     code, out, err = run(capsys, "run", PAPER, "--out", tmp_path / "run", "--gui")

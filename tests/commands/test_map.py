@@ -34,7 +34,7 @@ def crowd(n=6, **how):
     return pd.concat([drive(f"v{i}", 0.1 * (i - n / 2), seed=i, start_s=5.0 * i, **how) for i in range(n)], ignore_index=True)
 
 
-def map_of(capsys, tmp_path, table, *words):
+def map_of(capsys: pytest.CaptureFixture[str], tmp_path: Path, table, *words):
     """(exit code, figures, stderr, map) of `wzsumo map` on a table."""
     path = tmp_path / "traces.csv"
     table.to_csv(path, index=False)
@@ -47,7 +47,7 @@ def map_of(capsys, tmp_path, table, *words):
     return 0, json.loads(out.out), out.err, read_map(tmp_path / "out" / "map.yaml")
 
 
-def assert_shows_the_lane(grid):
+def assert_shows_the_lane(grid) -> None:
     """The lane along y = 0 is free, 6 m beside it nobody knows."""
     x = np.linspace(20, LENGTH_M - 40, 30)
     for y in (-1.0, 0.0, 1.0):
@@ -71,7 +71,9 @@ ODD = {
 
 
 @pytest.mark.parametrize("fault", ODD)
-def test_odd_trace_is_left_out_and_named_and_the_others_make_the_map(tmp_path, capsys, fault):
+def test_odd_trace_is_left_out_and_named_and_the_others_make_the_map(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], fault
+) -> None:
     odd, ids, reason = ODD[fault]
     code, figures, err, grid = map_of(capsys, tmp_path, pd.concat([crowd(), odd], ignore_index=True))
     assert code == 0
@@ -82,7 +84,7 @@ def test_odd_trace_is_left_out_and_named_and_the_others_make_the_map(tmp_path, c
     assert_shows_the_lane(grid)
 
 
-def test_longest_trace_driven_the_wrong_way_does_not_turn_the_road(tmp_path, capsys):
+def test_longest_trace_driven_the_wrong_way_does_not_turn_the_road(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wrong = drive("wrong", 4.0, seed=5, reverse=True)
     table = pd.concat([crowd(), wrong.assign(x_m=wrong["x_m"] * 1.2 - 20)], ignore_index=True)
     _, figures, _, grid = map_of(capsys, tmp_path, table)
@@ -98,7 +100,7 @@ REORDERED = {
 
 
 @pytest.mark.parametrize("order", REORDERED)
-def test_rows_in_any_order_make_the_same_map(tmp_path, capsys, order):
+def test_rows_in_any_order_make_the_same_map(tmp_path: Path, capsys: pytest.CaptureFixture[str], order) -> None:
     _, figures, _, grid = map_of(capsys, tmp_path, crowd())
     _, again, _, reordered = map_of(capsys, tmp_path, REORDERED[order](crowd()))
     assert again["n_traces"] == figures["n_traces"] == 6
@@ -106,7 +108,7 @@ def test_rows_in_any_order_make_the_same_map(tmp_path, capsys, order):
     np.testing.assert_array_equal(reordered.p_occupied, grid.p_occupied)
 
 
-def test_two_vehicles_of_one_id_one_after_the_other_are_two_traces(tmp_path, capsys):
+def test_two_vehicles_of_one_id_one_after_the_other_are_two_traces(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     later = crowd().query("vehicle_id == 'v0'")
     # Driven again an hour later; and, in other files, at the same times by another vehicle appended to the file.
     for time_s in (3600.0, 2.0):
@@ -116,7 +118,7 @@ def test_two_vehicles_of_one_id_one_after_the_other_are_two_traces(tmp_path, cap
         assert_shows_the_lane(grid)
 
 
-def test_two_vehicles_that_report_in_turn_under_one_id_are_left_out(tmp_path, capsys):
+def test_two_vehicles_that_report_in_turn_under_one_id_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = TRACK.assign(x_m=TRACK["x_m"] + 120, y_m=TRACK["y_m"] + 8, time_s=TRACK["time_s"] + 0.05)
     mixed = pd.concat([TRACK, other]).sort_values("time_s")
     _, figures, _, grid = map_of(capsys, tmp_path, pd.concat([crowd(), mixed], ignore_index=True))
@@ -152,7 +154,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("fault", REFUSED)
-def test_file_that_makes_no_map_is_refused_in_one_line_with_the_remedy(tmp_path, capsys, fault):
+def test_file_that_makes_no_map_is_refused_in_one_line_with_the_remedy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], fault
+) -> None:
     table, says = REFUSED[fault]
     code, _, err, _ = map_of(capsys, tmp_path, table)
     assert code == 2
@@ -161,7 +165,7 @@ def test_file_that_makes_no_map_is_refused_in_one_line_with_the_remedy(tmp_path,
     assert all(part in message for part in says), message
 
 
-def test_map_too_large_for_its_cells_is_refused_with_cells_that_fit(tmp_path, capsys):
+def test_map_too_large_for_its_cells_is_refused_with_cells_that_fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = crowd().assign(y_m=lambda t: t["y_m"] + 20 * t["x_m"], x_m=lambda t: 20 * t["x_m"])
     fast = table.assign(time_s=lambda t: 40 * t["time_s"])
     code, _, err, _ = map_of(capsys, tmp_path, fast)
@@ -171,7 +175,7 @@ def test_map_too_large_for_its_cells_is_refused_with_cells_that_fit(tmp_path, ca
     assert 7800 * 7800 / 1e8 <= coarser**2 <= 1.1 * 7800 * 7800 / 1e8
 
 
-def test_methods_share_what_is_left_out(tmp_path, capsys):
+def test_methods_share_what_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     odd, _, reason = ODD["outlier 50 m off"]
     _, figures, _, grid = map_of(capsys, tmp_path, pd.concat([crowd(), odd], ignore_index=True), "--method", "swept")
     assert reason in figures["dropped"][0]["reason"]
@@ -191,14 +195,16 @@ end_ft = {end}
 """
 
 
-def joined_map_of(capsys, tmp_path, *, start=500, end=1000, table=None, words=()):
+def joined_map_of(capsys: pytest.CaptureFixture[str], tmp_path: Path, *, start=500, end=1000, table=None, words=()):
     """The map of vehicles in the right of two lanes, joined to a road of stations -50 m .. 450 m on the x axis."""
     road = tmp_path / "road.toml"
     road.write_text(ROAD.format(start=start, end=end))
     return map_of(capsys, tmp_path, crowd() if table is None else table, "--road", str(road), *words)
 
 
-def test_map_joined_to_the_road_knows_its_lanes_outside_the_announced_zone(tmp_path, capsys):
+def test_map_joined_to_the_road_knows_its_lanes_outside_the_announced_zone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     code, _, _, grid = joined_map_of(capsys, tmp_path, table=crowd(speed_mps=13.0))
     assert code == 0
     # The zone runs from x = 102 m to 255 m; at 30 mph its tapers take 75 m and 30 m. The left lane was not driven.
@@ -207,7 +213,7 @@ def test_map_joined_to_the_road_knows_its_lanes_outside_the_announced_zone(tmp_p
         assert grid.free[grid.cell_of(np.array([[x, 3.66]]))].all() == free
 
 
-def test_scenario_stands_for_its_road(tmp_path, capsys):
+def test_scenario_stands_for_its_road(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = SCENARIOS / "paper.toml"
     zone = load_scenario(scenario)
     start = zone.layout().start
@@ -228,19 +234,19 @@ def test_scenario_stands_for_its_road(tmp_path, capsys):
         ({"words": ("--method", "swept")}, ["--road", "the method swept makes no use"]),
     ],
 )
-def test_road_that_does_not_fit_is_refused(tmp_path, capsys, how, said):
+def test_road_that_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], how, said) -> None:
     code, _, err, _ = joined_map_of(capsys, tmp_path, **how)
     assert code == 2
     assert all(words in err for words in said)
 
 
-def test_traces_against_the_road_are_refused_in_one_line(tmp_path, capsys):
+def test_traces_against_the_road_are_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, err, _ = joined_map_of(capsys, tmp_path, table=crowd(reverse=True))
     assert code == 2
     assert "traces.csv: most vehicles drive against the road" in err
 
 
-def test_road_before_is_free_outside_the_announced_zone_and_as_the_map_says_inside():
+def test_road_before_is_free_outside_the_announced_zone_and_as_the_map_says_inside() -> None:
     road = RoadSpec(lane_count=2, left_shoulder_ft=10, right_shoulder_ft=10, length_ft=1000).build()
     unknown = blank_grid((0.0, -5.0, road.length, 15.0), resolution=0.5, p_occupied=0.5)
     joined = with_road_outside(unknown, MapBefore(road=road, start=100.0, end=200.0))

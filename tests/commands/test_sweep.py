@@ -1,5 +1,6 @@
 import json
 import re
+from pathlib import Path
 
 import pytest
 from sweep_trials import PAPER, AtOnce, a_study, evaluate, simulate, sweep
@@ -12,21 +13,21 @@ from wzsumo.sweep.study_case import code_version
 
 
 @pytest.fixture(autouse=True)
-def quick_tasks(monkeypatch):
+def quick_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "simulate", simulate)
     monkeypatch.setattr(engine, "evaluate", evaluate)
     monkeypatch.setattr(sweep_verbs, "LocalWorkers", AtOnce)
 
 
 @pytest.fixture
-def study_file(tmp_path):
+def study_file(tmp_path: Path):
     head = f'name = "trial"\nscenarios = ["{PAPER}"]\nmethods = ["swept", "lanes"]\n'
     path = tmp_path / "study.toml"
     path.write_text(head + "[grid]\nseed = [1, 2, 3]\ncrowd.used = [2, 5]\n")
     return path
 
 
-def run(capsys, *words):
+def run(capsys: pytest.CaptureFixture[str], *words):
     """(exit code, stdout, stderr) of one command."""
     with pytest.raises(SystemExit) as stopped:
         main([str(word) for word in words])
@@ -34,7 +35,9 @@ def run(capsys, *words):
     return stopped.value.code, out.out, out.err
 
 
-def test_dry_run_counts_cases_and_simulations_and_writes_nothing(study_file, tmp_path, capsys):
+def test_dry_run_counts_cases_and_simulations_and_writes_nothing(
+    study_file, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "out"
     code, text, _ = run(capsys, "sweep", study_file, "--out", out, "--dry-run", "--workers", 2, "--json")
     figures = json.loads(text)
@@ -56,15 +59,19 @@ def test_estimate_counts_a_simulation_once_and_a_map_once_for_all_penetration_ra
     assert one < seconds(seed=[1], crowd__used=[2, 3]) < 2 * one
 
 
-def test_sweep_tells_how_far_it_is_in_plain_lines_where_there_is_no_terminal(study_file, tmp_path, capsys):
+def test_sweep_tells_how_far_it_is_in_plain_lines_where_there_is_no_terminal(
+    study_file, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     code, text, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out", "--workers", 2, "--json")
     assert (code, json.loads(text)["n_done"]) == (0, 12)
     assert re.search(r"wzsumo: 0 of 12 cases finished\n(.*\n)*wzsumo: 12 of 12 cases finished", err)
     assert "\r" not in err
 
 
-def test_interrupted_sweep_ends_with_130_and_says_that_what_was_finished_is_kept(study_file, tmp_path, capsys, monkeypatch):
-    def interrupted(_fleet, _cases):
+def test_interrupted_sweep_ends_with_130_and_says_that_what_was_finished_is_kept(
+    study_file, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_fleet, _cases) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(engine, "evaluate", interrupted)
@@ -73,8 +80,10 @@ def test_interrupted_sweep_ends_with_130_and_says_that_what_was_finished_is_kept
     assert "what was finished is kept" in err
 
 
-def test_reason_of_lost_cases_is_told_on_stderr(study_file, tmp_path, capsys, monkeypatch):
-    def lost(_scenario):
+def test_reason_of_lost_cases_is_told_on_stderr(
+    study_file, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lost(_scenario) -> None:
         raise RuntimeError("no netconvert")
 
     monkeypatch.setattr(engine, "simulate", lost)
@@ -91,7 +100,7 @@ def test_reason_of_lost_cases_is_told_on_stderr(study_file, tmp_path, capsys, mo
         (["--case", "a", "--seed", "3"], "leave --seed and --method out"),
     ],
 )
-def test_case_that_cannot_be_run_alone_is_refused(tmp_path, capsys, words, says):
+def test_case_that_cannot_be_run_alone_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], words, says: str) -> None:
     sweep(a_study(), tmp_path / "study")
     code, _, err = run(capsys, "run", tmp_path / "study", *words, "--out", tmp_path / "out")
     assert code == 2
@@ -99,7 +108,9 @@ def test_case_that_cannot_be_run_alone_is_refused(tmp_path, capsys, words, says)
     assert not (tmp_path / "out").exists()
 
 
-def test_beginning_that_several_cases_share_is_refused_with_two_of_them(tmp_path, capsys):
+def test_beginning_that_several_cases_share_is_refused_with_two_of_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     study = a_study(crowd__used=list(range(1, 20)))  # more than the sixteen digits that a name can begin with
     sweep(study, tmp_path / "study")
     firsts = [case.id[0] for case in study.cases]
@@ -109,7 +120,7 @@ def test_beginning_that_several_cases_share_is_refused_with_two_of_them(tmp_path
     assert f"{firsts.count(shared)} cases begin so" in err
 
 
-def test_version_of_the_code_is_that_of_the_package_and_of_what_decides_a_result():
+def test_version_of_the_code_is_that_of_the_package_and_of_what_decides_a_result() -> None:
     version, _, digest = code_version().partition("+")
     assert version == "0.1.0"
     assert re.fullmatch(r"[0-9a-f]{12}", digest)

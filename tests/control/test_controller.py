@@ -25,7 +25,7 @@ def regulated(plant, *, speed):
 
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("dt", [0.02, 0.05, 0.1])
-def test_paper_law_in_an_ideal_car_at_10_mps_stays_within_5_cm(path, dt):
+def test_paper_law_in_an_ideal_car_at_10_mps_stays_within_5_cm(path, dt: float) -> None:
     run = drive(PATHS[path], PAPER, PlantSpec(), speed=10.0, dt=dt)
     assert np.abs(run["cross_track"]).max() < 0.05
     assert run["station"][-1] >= 899.0
@@ -34,7 +34,9 @@ def test_paper_law_in_an_ideal_car_at_10_mps_stays_within_5_cm(path, dt):
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("body", ["kinematic", "single_track"])
 @pytest.mark.parametrize("speed", [10.0, 24.0])
-def test_regulated_law_with_steering_lag_and_delay_stays_within_20_cm_and_does_not_oscillate(path, body, speed):
+def test_regulated_law_with_steering_lag_and_delay_stays_within_20_cm_and_does_not_oscillate(
+    path, body: str, speed: float
+) -> None:
     plant = PlantSpec(body=body, **LATE)
     run = drive(PATHS[path], regulated(plant, speed=speed), plant, speed=speed)
     assert np.abs(run["cross_track"]).max() < 0.2
@@ -45,7 +47,7 @@ def test_regulated_law_with_steering_lag_and_delay_stays_within_20_cm_and_does_n
 
 @pytest.mark.parametrize("body", ["kinematic", "single_track"])
 @pytest.mark.parametrize("speed", [10.0, 24.0])
-def test_regulated_law_comes_back_from_beside_the_path_and_settles(body, speed):
+def test_regulated_law_comes_back_from_beside_the_path_and_settles(body: str, speed: float) -> None:
     plant = PlantSpec(body=body, **LATE)
     run = drive(straight_path(40 * speed), regulated(plant, speed=speed), plant, speed=speed, offset=0.5, time_limit=20)
     assert run["cross_track"].min() > -0.15  # overshoot
@@ -54,19 +56,19 @@ def test_regulated_law_comes_back_from_beside_the_path_and_settles(body, speed):
     assert np.rad2deg(run["steering"][settled].std()) < 0.02
 
 
-def test_regulated_law_stands_twice_the_delay_of_the_bar():
+def test_regulated_law_stands_twice_the_delay_of_the_bar() -> None:
     plant = PlantSpec(body="single_track", **LATE | {"command_delay_s": 0.2})
     run = drive(PATHS["work zone"], regulated(plant, speed=24.0), plant, speed=24.0)
     assert np.abs(run["cross_track"]).max() < 0.3
     assert np.rad2deg(run["steering"][run["station"] > 845].std()) < 0.1
 
 
-def test_paper_law_oscillates_where_steering_lags_and_commands_are_late():
+def test_paper_law_oscillates_where_steering_lags_and_commands_are_late() -> None:
     run = drive(PATHS["work zone"], PAPER, PlantSpec(**LATE), speed=10.0, time_limit=60)
     assert np.abs(run["cross_track"]).max() > 1.0
 
 
-def test_paper_law_swings_out_from_beside_the_path_where_the_steering_turns_as_slowly_as_a_cars_does():
+def test_paper_law_swings_out_from_beside_the_path_where_the_steering_turns_as_slowly_as_a_cars_does() -> None:
     path = ReferencePath(poses=np.column_stack([np.arange(0, 300, 0.5), np.zeros((600, 2))]))
     swings = {
         rate: np.abs(drive(path, PAPER, PlantSpec(max_steering_rate_radps=rate), speed=10.0, offset=0.2)["cross_track"]).max()
@@ -78,7 +80,7 @@ def test_paper_law_swings_out_from_beside_the_path_where_the_steering_turns_as_s
 
 
 @pytest.mark.parametrize("radius", [60.0, -150.0])
-def test_steering_on_a_long_circle_settles_at_the_ackermann_angle(radius):
+def test_steering_on_a_long_circle_settles_at_the_ackermann_angle(radius: float) -> None:
     run = drive(circle_path(radius, turns=1.5), ControlSection(), PlantSpec(**LATE), speed=10.0)
     round_twice = run["station"] > 2 * np.pi * abs(radius)
     ahead_of_the_end = run["station"] < run["station"][-1] - 20
@@ -86,7 +88,7 @@ def test_steering_on_a_long_circle_settles_at_the_ackermann_angle(radius):
     np.testing.assert_allclose(steady, math.atan(CAR.wheelbase_m / radius), rtol=2e-3)
 
 
-def test_paper_length_in_place_of_the_wheelbase_runs_on_the_inside_of_a_circle():
+def test_paper_length_in_place_of_the_wheelbase_runs_on_the_inside_of_a_circle() -> None:
     # Steady: atan(L_paper 2 sin(alpha) / l_d) = atan(L / R), so the pursued arc is wider than the road's by 1.63.
     run = drive(circle_path(60.0, turns=1.5), PAPER, PlantSpec(), speed=10.0)
     lookahead, curvature = 3.25, 1 / 60.0  # the first pose at 3 m or more is 3.0 to 3.5 m away
@@ -94,7 +96,7 @@ def test_paper_length_in_place_of_the_wheelbase_runs_on_the_inside_of_a_circle()
     assert np.median(run["cross_track"]) == pytest.approx(expected, rel=0.2)
 
 
-def test_speed_in_a_tight_bend_keeps_lateral_acceleration_at_its_limit():
+def test_speed_in_a_tight_bend_keeps_lateral_acceleration_at_its_limit() -> None:
     step = 0.5
     s = np.arange(0, 400 + step, step)
     curvature = np.interp(s, [150, 190, 260, 300], [0, 1 / 50, 1 / 50, 0])
@@ -111,7 +113,7 @@ def test_speed_in_a_tight_bend_keeps_lateral_acceleration_at_its_limit():
 
 
 @pytest.mark.parametrize("speed", [10.0, 24.0])
-def test_stop_at_goal_ends_at_the_last_pose_in_standstill(speed):
+def test_stop_at_goal_ends_at_the_last_pose_in_standstill(speed: float) -> None:
     control = ControlSection(target_speed_mps=speed, regulated={"stop_at_goal": True})
     run = drive(straight_path(500.0), control, PlantSpec(**LATE), speed=speed, time_limit=90)
     assert run["speed"][-1] < 0.5
@@ -119,7 +121,7 @@ def test_stop_at_goal_ends_at_the_last_pose_in_standstill(speed):
     assert run["acceleration"].min() > -2.5
 
 
-def test_limits_of_speed_along_the_path_are_kept():
+def test_limits_of_speed_along_the_path_are_kept() -> None:
     path = ReferencePath(poses=np.column_stack([np.arange(0, 601.0), np.zeros(601), np.zeros(601)]))
     limits = np.where((path.poses[:, 0] > 200) & (path.poses[:, 0] < 300), 6.0, 20.0)
     controller = Controller(path, CAR, ControlSection(target_speed_mps=15.0), speed_limits=limits)
@@ -137,7 +139,7 @@ def test_limits_of_speed_along_the_path_are_kept():
     ),
     ceiling=st.just(math.inf) | st.just(-math.inf) | st.floats(-20, 20),
 )  # fmt: skip
-def test_a_command_is_within_the_cars_limits_wherever_the_car_is(lateral, longitudinal, state, ceiling):
+def test_a_command_is_within_the_cars_limits_wherever_the_car_is(lateral, longitudinal, state, ceiling) -> None:
     controller = Controller(PATHS["work zone"], CAR, ControlSection(lateral=lateral, longitudinal=longitudinal))
     command = controller.command(state, dt=0.05, ceiling=ceiling)
     assert 0 <= command.throttle <= 1
@@ -150,7 +152,7 @@ def test_a_command_is_within_the_cars_limits_wherever_the_car_is(lateral, longit
     lateral=st.sampled_from(["paper", "regulated"]), angle=st.floats(-3, 3),
     beside=st.floats(-2, 2), turned=st.floats(-0.3, 0.3),
 )  # fmt: skip
-def test_a_command_does_not_depend_on_where_north_is(lateral, angle, beside, turned):
+def test_a_command_does_not_depend_on_where_north_is(lateral, angle: float, beside: float, turned: float):
     there = (300.0, -80.0, angle)
 
     def moved(poses):
@@ -168,7 +170,7 @@ def test_a_command_does_not_depend_on_where_north_is(lateral, angle, beside, tur
     assert commands[0].throttle == pytest.approx(commands[1].throttle, abs=1e-9)
 
 
-def test_a_new_path_is_followed_from_where_the_car_is_with_the_memory_of_the_pid():
+def test_a_new_path_is_followed_from_where_the_car_is_with_the_memory_of_the_pid() -> None:
     controller = Controller(straight_path(500.0), CAR, ControlSection())
     state = EgoState(x=100.0, y=0.0, heading=0.0, speed=9.0)
     for _ in range(50):
@@ -182,7 +184,7 @@ def test_a_new_path_is_followed_from_where_the_car_is_with_the_memory_of_the_pid
     assert (controller.station_m, controller.cross_track_m) == pytest.approx((50.0, -1.0))
 
 
-def test_the_end_is_reached_at_the_last_pose_and_past_it():
+def test_the_end_is_reached_at_the_last_pose_and_past_it() -> None:
     controller = Controller(straight_path(50.0), CAR, ControlSection())
     reached = []
     for x in (0.0, 49.0, 49.95, 60.0):
@@ -192,13 +194,13 @@ def test_the_end_is_reached_at_the_last_pose_and_past_it():
 
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, math.nan])
-def test_a_control_step_of_no_time_is_refused(dt):
+def test_a_control_step_of_no_time_is_refused(dt) -> None:
     controller = Controller(straight_path(50.0), CAR, ControlSection())
     with pytest.raises(InputError, match="from one command to the next, above 0"):
         controller.command(EgoState(x=0, y=0, heading=0, speed=5.0), dt=dt)
 
 
-def test_allowing_for_slip_takes_it_from_the_plant_and_keeps_the_rest():
+def test_allowing_for_slip_takes_it_from_the_plant_and_keeps_the_rest() -> None:
     spec = ControlSection(target_speed_mps=20.0, regulated={"lookahead_time_s": 0.9})
     aware = allow_for_slip(spec, plant=PlantSpec(body="single_track"))
     # Rajamani's sedan: rear slip m l_f / (L C_r), understeer m (l_r - l_f) / (L C).
@@ -207,6 +209,6 @@ def test_allowing_for_slip_takes_it_from_the_plant_and_keeps_the_rest():
     assert allow_for_slip(aware, plant=PlantSpec()) == spec
 
 
-def test_a_plant_that_oversteers_is_refused():
+def test_a_plant_that_oversteers_is_refused() -> None:
     with pytest.raises(SpecError, match="slip of the plant: understeer_rad_per_mps2"):
         allow_for_slip(ControlSection(), plant=PlantSpec(body="single_track", single_track={"front_share": 0.6}))

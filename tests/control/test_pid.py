@@ -28,7 +28,7 @@ def slow_paper_pid(errors, *, dt, unit, time_base):
     unit=st.sampled_from(["m/s", "km/h"]),
     time_base=st.sampled_from(["seconds", "steps"]),
 )
-def test_paper_pid_equals_the_formula_written_out(errors, dt, unit, time_base):
+def test_paper_pid_equals_the_formula_written_out(errors, dt, unit, time_base) -> None:
     spec, memory = PaperPidSpec(error_unit=unit, time_base=time_base), PaperPidMemory()
     for k, error in enumerate(errors):
         pedal, memory = paper_pid(memory, error, dt=dt, spec=spec)
@@ -36,7 +36,7 @@ def test_paper_pid_equals_the_formula_written_out(errors, dt, unit, time_base):
     assert len(memory.errors) == min(len(errors), 10)
 
 
-def test_paper_pid_chatters_between_its_stops_where_the_throttle_acts_at_once():
+def test_paper_pid_chatters_between_its_stops_where_the_throttle_acts_at_once() -> None:
     # kd * full throttle = 0.4 * 3.5 = 1.4 > 1: each step answers the acceleration of the last, turned round and larger.
     run = drive(straight_path(2000), paper_control(), PlantSpec(powertrain_lag_s=0.0), speed=10.0, time_limit=40)
     late = run["time"] > 20
@@ -45,7 +45,7 @@ def test_paper_pid_chatters_between_its_stops_where_the_throttle_acts_at_once():
 
 
 @pytest.mark.parametrize(("pid", "lag"), [(PaperPidSpec(), 0.3), (PaperPidSpec(time_base="steps"), 0.0)])
-def test_paper_pid_is_steady_with_a_power_train_lag_or_without_a_time_step(pid, lag):
+def test_paper_pid_is_steady_with_a_power_train_lag_or_without_a_time_step(pid, lag: float) -> None:
     run = drive(straight_path(2000), paper_control(pid), PlantSpec(powertrain_lag_s=lag), speed=10.0, time_limit=40)
     late = run["time"] > 20
     assert run["pedal"][late].std() < 1e-3
@@ -56,20 +56,22 @@ def test_paper_pid_is_steady_with_a_power_train_lag_or_without_a_time_step(pid, 
 
 
 @given(speed=st.floats(0, 30), reference=st.floats(0, 30), ceiling=st.floats(-8, 3), integral=st.floats(-1, 1))
-def test_tuned_pid_stays_within_comfort_and_below_its_ceiling(speed, reference, ceiling, integral):
+def test_tuned_pid_stays_within_comfort_and_below_its_ceiling(
+    speed: float, reference: float, ceiling: float, integral: float
+) -> None:
     spec, memory = TunedPidSpec(), TunedPidMemory(integral=integral, speed=speed)
     demand, _ = tuned_pid(memory, speed=speed, reference=Pace(reference, 0.0), dt=0.05, ceiling=ceiling, spec=spec)
     assert min(-spec.max_deceleration_mps2, ceiling) <= demand <= min(spec.max_acceleration_mps2, ceiling)
 
 
-def test_tuned_pid_does_not_wind_up_while_it_waits_behind_a_ceiling():
+def test_tuned_pid_does_not_wind_up_while_it_waits_behind_a_ceiling() -> None:
     memory = TunedPidMemory()
     for _ in range(2000):
         _, memory = tuned_pid(memory, speed=0.0, reference=Pace(20.0, 0.0), dt=0.05, ceiling=-0.5, spec=TunedPidSpec())
     assert memory.integral == 0.0
 
 
-def test_tuned_pid_gives_no_kick_when_the_reference_steps():
+def test_tuned_pid_gives_no_kick_when_the_reference_steps() -> None:
     spec, memory = TunedPidSpec(), TunedPidMemory()
     for reference in (10.0, 10.0, 10.5):
         demand, memory = tuned_pid(memory, speed=10.0, reference=Pace(reference, 0.0), dt=0.05, ceiling=9.0, spec=spec)
@@ -78,7 +80,9 @@ def test_tuned_pid_gives_no_kick_when_the_reference_steps():
 
 @pytest.mark.parametrize("speed", [10.0, 24.0])
 @pytest.mark.parametrize("delay", [0.0, 0.1])
-def test_tuned_pid_reaches_its_speed_from_rest_without_overshoot_and_without_a_lasting_error(speed, delay):
+def test_tuned_pid_reaches_its_speed_from_rest_without_overshoot_and_without_a_lasting_error(
+    speed: float, delay: float
+) -> None:
     control = ControlSection(target_speed_mps=speed)
     run = drive(straight_path(5000), control, PlantSpec(command_delay_s=delay), speed=0.0, time_limit=60)
     assert run["speed"].max() < speed + 0.1

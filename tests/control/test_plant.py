@@ -25,7 +25,7 @@ def held(command, spec, *, seconds, dt=0.05, **start):
 
 
 @pytest.mark.parametrize("steering", [0.05, -0.3, 0.6])
-def test_kinematic_bicycle_drives_the_circle_of_its_wheelbase_and_steering(steering):
+def test_kinematic_bicycle_drives_the_circle_of_its_wheelbase_and_steering(steering: float) -> None:
     states = held(
         Command(throttle=0, brake=0, steering=steering), PlantSpec(**FREE), seconds=8, speed=6.0, heading=0.4, steering=steering
     )
@@ -38,7 +38,9 @@ def test_kinematic_bicycle_drives_the_circle_of_its_wheelbase_and_steering(steer
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 24.0])
 @pytest.mark.parametrize("front_share", [0.41, 0.5])
-def test_single_track_turns_in_the_steady_state_at_the_rate_of_its_understeer_gradient(speed, front_share):
+def test_single_track_turns_in_the_steady_state_at_the_rate_of_its_understeer_gradient(
+    speed: float, front_share: float
+) -> None:
     spec = PlantSpec(body="single_track", single_track={"front_share": front_share, "friction": 50.0}, **FREE)
     steering = 0.004
     end = held(Command(throttle=0, brake=0, steering=steering), spec, seconds=12, speed=speed)[-1]
@@ -77,7 +79,7 @@ def test_single_track_answers_a_step_of_the_steering_as_the_linear_equations_do(
     np.testing.assert_allclose([state.x for state in states], oracle[3, 1:], atol=0.02)
 
 
-def test_single_track_cannot_turn_harder_than_friction_allows():
+def test_single_track_cannot_turn_harder_than_friction_allows() -> None:
     spec = PlantSpec(body="single_track", single_track={"friction": 0.9}, **FREE)
     states = held(Command(throttle=0, brake=0, steering=0.3), spec, seconds=2, dt=0.01, speed=25.0)[1:]
     yaw_rate = np.array([state.yaw_rate for state in states])
@@ -88,7 +90,7 @@ def test_single_track_cannot_turn_harder_than_friction_allows():
 
 
 @pytest.mark.parametrize("speed", [0.9, 1.1, 2.0])  # on both sides of the speed below which the wheels roll
-def test_single_track_at_walking_pace_is_the_kinematic_bicycle(speed):
+def test_single_track_at_walking_pace_is_the_kinematic_bicycle(speed: float) -> None:
     command = Command(throttle=0, brake=0, steering=0.4)
     slow, rolling = (
         held(command, PlantSpec(body=body, max_steering_rate_radps=0.4, **FREE), seconds=4, speed=speed)[-1]
@@ -98,20 +100,20 @@ def test_single_track_at_walking_pace_is_the_kinematic_bicycle(speed):
 
 
 @pytest.mark.parametrize("lag", [0.1, 0.5])
-def test_steering_lag_closes_all_but_one_part_in_e_of_the_way_in_its_time(lag):
+def test_steering_lag_closes_all_but_one_part_in_e_of_the_way_in_its_time(lag: float) -> None:
     spec = PlantSpec(steering_lag_s=lag)
     state = held(Command(throttle=0, brake=0, steering=0.2), spec, seconds=lag)[-1]
     assert state.steering == pytest.approx(0.2 * (1 - math.exp(-1)))
 
 
-def test_steering_turns_no_faster_than_its_rate_and_no_further_than_its_stop():
+def test_steering_turns_no_faster_than_its_rate_and_no_further_than_its_stop() -> None:
     states = held(Command(throttle=0, brake=0, steering=2.0), PlantSpec(max_steering_rate_radps=0.4), seconds=3, dt=0.1)
     angles = np.array([state.steering for state in states])
     np.testing.assert_allclose(angles, np.minimum(0.4 * 0.1 * np.arange(31), math.radians(35)), atol=1e-12)
 
 
 @pytest.mark.parametrize(("delay", "dt"), [(0.0, 0.05), (0.1, 0.05), (0.13, 0.05), (0.25, 0.1), (0.02, 0.05)])
-def test_a_command_acts_after_the_delay_and_not_before(delay, dt):
+def test_a_command_acts_after_the_delay_and_not_before(delay: float, dt: float) -> None:
     spec = PlantSpec(command_delay_s=delay)
     state, time, turned = EgoState(x=0, y=0, heading=0, speed=10.0), 0.0, None
     for k in range(20):
@@ -124,7 +126,7 @@ def test_a_command_acts_after_the_delay_and_not_before(delay, dt):
     assert turned == pytest.approx((math.floor((5 * dt + delay) / dt + 1e-9) + 1) * dt)
 
 
-def test_steering_and_drive_stay_as_they_are_until_the_first_command_arrives():
+def test_steering_and_drive_stay_as_they_are_until_the_first_command_arrives() -> None:
     spec = PlantSpec(command_delay_s=0.2)
     states = held(Command(throttle=0, brake=1, steering=0.3), spec, seconds=0.2, speed=10.0, steering=0.1, acceleration=0.5)
     assert states[-1].steering == 0.1
@@ -139,26 +141,26 @@ def test_steering_and_drive_stay_as_they_are_until_the_first_command_arrives():
         (Command(throttle=0, brake=0.25, steering=0), -2.0),
     ],
 )
-def test_pedals_give_their_share_of_full_acceleration_and_braking(command, expected):
+def test_pedals_give_their_share_of_full_acceleration_and_braking(command, expected: float) -> None:
     states = held(command, PlantSpec(**FREE), seconds=1, speed=10.0)
     assert states[-1].speed - 10 == pytest.approx(expected)
     assert states[-1].x == pytest.approx(10 + expected / 2)
 
 
-def test_power_train_lag_is_first_order():
+def test_power_train_lag_is_first_order() -> None:
     spec = PlantSpec(**FREE | {"powertrain_lag_s": 0.5})
     states = held(Command(throttle=1, brake=0, steering=0), spec, seconds=0.5, speed=10.0)
     assert states[-1].acceleration == pytest.approx(3.5 * (1 - math.exp(-1)))
 
 
-def test_a_coasting_car_slows_down_by_rolling_and_air():
+def test_a_coasting_car_slows_down_by_rolling_and_air() -> None:
     weight, air = 0.01 * 9.80665, 0.5 * 1.225 * 0.66 / 1573
     oracle = solve_ivp(lambda _, v: -weight - air * v**2, (0, 30), [25.0], rtol=1e-9).y[0, -1]
     assert held(COAST, PlantSpec(), seconds=30, speed=25.0)[-1].speed == pytest.approx(oracle, abs=0.1)
     assert drag_mps2(25.0, spec=PlantSpec()) == pytest.approx(weight + air * 625)
 
 
-def test_a_braking_car_stops_and_does_not_roll_back():
+def test_a_braking_car_stops_and_does_not_roll_back() -> None:
     states = held(Command(throttle=0, brake=1, steering=0), PlantSpec(), seconds=5, speed=10.0)
     assert states[-1].speed == 0.0
     assert states[-1].acceleration == 0.0
@@ -166,7 +168,7 @@ def test_a_braking_car_stops_and_does_not_roll_back():
     assert min(np.diff([state.x for state in states])) >= 0.0
 
 
-def test_a_stopped_car_starts_on_a_light_throttle():
+def test_a_stopped_car_starts_on_a_light_throttle() -> None:
     states = held(Command(throttle=0.05, brake=0, steering=0), PlantSpec(), seconds=5)
     assert states[-1].speed == pytest.approx((0.05 * 3.5 - 0.01 * 9.80665) * (5 - 0.3), abs=0.06)
 
@@ -175,7 +177,7 @@ def test_a_stopped_car_starts_on_a_light_throttle():
     body=st.sampled_from(["kinematic", "single_track"]), speed=st.floats(0, 30), angle=st.floats(-3, 3),
     command=st.builds(Command, throttle=st.floats(0, 1), brake=st.floats(0, 1), steering=st.floats(-0.5, 0.5)),
 )  # fmt: skip
-def test_the_car_does_not_know_where_north_is_nor_left_from_right(body, speed, angle, command):
+def test_the_car_does_not_know_where_north_is_nor_left_from_right(body, speed: float, angle: float, command) -> None:
     spec = PlantSpec(body=body, steering_lag_s=0.2)
     plain = held(command, spec, seconds=1, speed=speed)[-1]
     turned = held(command, spec, seconds=1, speed=speed, x=7.0, y=-9.0, heading=angle)[-1]
@@ -189,7 +191,7 @@ def test_the_car_does_not_know_where_north_is_nor_left_from_right(body, speed, a
 
 
 @given(speed=st.floats(1, 30), steering=st.floats(-0.3, 0.3), delay=st.sampled_from([0.0, 0.1]))
-def test_two_short_steps_of_a_command_are_one_long_one(speed, steering, delay):
+def test_two_short_steps_of_a_command_are_one_long_one(speed: float, steering: float, delay) -> None:
     spec = PlantSpec(body="single_track", steering_lag_s=0.2, command_delay_s=delay)
     command = Command(throttle=0.3, brake=0.0, steering=steering)
     once = held(command, spec, seconds=0.4, dt=0.1, speed=speed)[-1]
@@ -197,13 +199,13 @@ def test_two_short_steps_of_a_command_are_one_long_one(speed, steering, delay):
     assert (once.x, once.y, once.heading, once.speed) == pytest.approx((twice.x, twice.y, twice.heading, twice.speed), abs=1e-9)
 
 
-def test_commands_on_their_way_are_few():
+def test_commands_on_their_way_are_few() -> None:
     state = held(COAST, PlantSpec(command_delay_s=0.1), seconds=5, speed=10.0)[-1]
     assert isinstance(state, PlantState)
     assert len(state.pending) <= 4
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.05, math.nan, math.inf])
-def test_a_time_step_that_is_none_is_refused(dt):
+def test_a_time_step_that_is_none_is_refused(dt) -> None:
     with pytest.raises(InputError, match="control step, above 0"):
         advance_ego(EgoState(x=0, y=0, heading=0, speed=1), COAST, dt=dt, vehicle=CAR, spec=PlantSpec())

@@ -25,12 +25,12 @@ def steering_on_circle(radius, *, speed, slip_heading=0.0, **spec):
 
 
 @pytest.mark.parametrize("radius", [30.0, -100.0, 300.0])
-def test_a_car_on_a_circle_keeps_the_ackermann_angle_of_its_wheelbase(radius):
+def test_a_car_on_a_circle_keeps_the_ackermann_angle_of_its_wheelbase(radius: float) -> None:
     found, _ = steering_on_circle(radius, speed=8.0)
     assert found == pytest.approx(math.atan(CAR.wheelbase_m / radius), rel=2e-3)
 
 
-def test_a_car_that_slips_on_a_circle_keeps_the_steering_and_the_heading_of_its_slip():
+def test_a_car_that_slips_on_a_circle_keeps_the_steering_and_the_heading_of_its_slip() -> None:
     speed, radius, rear_slip = 24.0, 300.0, 0.004
     lateral = speed**2 / radius
     found, held = steering_on_circle(
@@ -42,12 +42,12 @@ def test_a_car_that_slips_on_a_circle_keeps_the_steering_and_the_heading_of_its_
 
 
 @given(speed=st.floats(0, 60))
-def test_lookahead_grows_with_speed_between_its_limits(speed):
+def test_lookahead_grows_with_speed_between_its_limits(speed: float) -> None:
     assert lookahead_m(speed, spec=RegulatedSpec(lookahead_time_s=0.8)) == pytest.approx(min(max(0.8 * speed, 3.0), 30.0))
 
 
 @given(steering=st.floats(-0.5, 0.5), speed=st.floats(0.1, 30), prediction=st.floats(0, 0.5))
-def test_predicted_state_lies_on_the_circle_that_the_car_drives(steering, speed, prediction):
+def test_predicted_state_lies_on_the_circle_that_the_car_drives(steering: float, speed: float, prediction: float) -> None:
     state = EgoState(x=2.0, y=1.0, heading=0.3, speed=speed, steering=steering)
     ahead = predicted_state(state, wheelbase_m=2.85, spec=RegulatedSpec(prediction_s=prediction))
     turn = speed * prediction * math.tan(steering) / 2.85

@@ -32,7 +32,7 @@ def scored(zone, traces, *, spec=None):
 
 
 @pytest.mark.parametrize("name", ZONES)
-def test_map_of_clean_traces_holds_most_of_the_drivable_area_and_little_else(name):
+def test_map_of_clean_traces_holds_most_of_the_drivable_area_and_little_else(name) -> None:
     layout = zone_layout(**ZONES[name])
     zone = drive(layout, 12, seed=3)
     made, precision, recall = scored(zone, zone.traces)
@@ -43,7 +43,7 @@ def test_map_of_clean_traces_holds_most_of_the_drivable_area_and_little_else(nam
 
 
 @pytest.mark.parametrize(("error_m", "n", "interval_s"), [(1.0, 40, 1.0), (2.0, 100, 3.0)])
-def test_error_of_the_traces_is_estimated_and_does_not_blur_the_map(error_m, n, interval_s):
+def test_error_of_the_traces_is_estimated_and_does_not_blur_the_map(error_m: float, n: int, interval_s: float) -> None:
     zone = drive(zone_layout(), n, seed=5)
     made, precision, recall = scored(zone, noisy(zone, error_m, seed=5, interval_s=interval_s))
     # The bias holds 80 % of the variance and the drift most of the rest over a passage; drivers differ by 0.2 m besides.
@@ -52,7 +52,7 @@ def test_error_of_the_traces_is_estimated_and_does_not_blur_the_map(error_m, n, 
     assert recall > 0.8
 
 
-def test_report_names_what_was_left_out_and_why():
+def test_report_names_what_was_left_out_and_why() -> None:
     zone = drive(zone_layout(), 6, seed=1)
     track = zone.traces[zone.traces["vehicle_id"] == "v0"]
     aside = track.assign(vehicle_id="aside", y_m=track["y_m"] + 50)
@@ -67,7 +67,7 @@ def test_report_names_what_was_left_out_and_why():
     assert precision > 0.9
 
 
-def test_nowhere_driven_is_unknown_and_not_occupied():
+def test_nowhere_driven_is_unknown_and_not_occupied() -> None:
     zone = drive(zone_layout(), 8, seed=2)
     made, _, _ = scored(zone, zone.traces)
     model, s = made.model, np.array([700.0, 900.0])
@@ -77,7 +77,7 @@ def test_nowhere_driven_is_unknown_and_not_occupied():
     assert (occupied(model, s, left - 1.8) < 0.05).all()
 
 
-def test_map_of_cells_equals_the_belief_at_their_centres():
+def test_map_of_cells_equals_the_belief_at_their_centres() -> None:
     zone = drive(zone_layout(bend=True), 12, seed=2)
     made, _, _ = scored(zone, zone.traces)
     rows, cols = np.nonzero(made.grid.p_occupied != UNKNOWN)
@@ -89,7 +89,7 @@ def test_map_of_cells_equals_the_belief_at_their_centres():
     assert np.abs(exact - made.grid.p_occupied[rows, cols])[both].mean() < 0.002
 
 
-def test_update_equals_the_fit_of_all_traces():
+def test_update_equals_the_fit_of_all_traces() -> None:
     zone = drive(zone_layout(), 24, seed=7)
     noisy_traces = noisy(zone, 0.5, seed=1, interval_s=1.0)
     late = noisy_traces["vehicle_id"].isin(["v20", "v21", "v22", "v23"])
@@ -110,7 +110,7 @@ def right_edge(model, points: FloatArray, axis):
     return axis.to_sd(model.axis.to_xy(s, d))[1]
 
 
-def test_faded_traces_leave_the_model():
+def test_faded_traces_leave_the_model() -> None:
     zone = drive(zone_layout(), 10, seed=7)
     first = zone.traces["vehicle_id"].isin([f"v{i}" for i in range(5)])
     model = fit_lane_structure(zone.traces[first], spec=LaneStructureSpec())
@@ -120,7 +120,7 @@ def test_faded_traces_leave_the_model():
         update(model, zone.traces[~first], keep=1.5)
 
 
-def test_trace_that_runs_beside_the_lanes_fits_worse():
+def test_trace_that_runs_beside_the_lanes_fits_worse() -> None:
     zone = drive(zone_layout(), 20, seed=9)
     model = fit_lane_structure(zone.traces[zone.traces["vehicle_id"] != "v0"], spec=LaneStructureSpec())
     usual = zone.traces[zone.traces["vehicle_id"] == "v0"]
@@ -129,7 +129,7 @@ def test_trace_that_runs_beside_the_lanes_fits_worse():
     assert fit_of(model, moved).shift_m - fit_of(model, usual).shift_m == pytest.approx(1.2, abs=0.05)
 
 
-def test_nominal_line_gives_the_frame():
+def test_nominal_line_gives_the_frame() -> None:
     zone = drive(zone_layout(bend=True), 10, seed=3)
     road = zone.layout.road
     model = fit_lane_structure(zone.traces, spec=LaneStructureSpec(), nominal=road)
@@ -140,7 +140,7 @@ def test_nominal_line_gives_the_frame():
 
 
 @pytest.mark.parametrize("error_m", [0.0, 2.0])
-def test_speed_behind_the_taper_length_is_the_85th_percentile_of_the_vehicles(error_m):
+def test_speed_behind_the_taper_length_is_the_85th_percentile_of_the_vehicles(error_m: float) -> None:
     zone = drive(zone_layout(), 40, seed=2)
     speeds = [
         np.hypot(*(g[["x_m", "y_m"]].iloc[-1] - g[["x_m", "y_m"]].iloc[0])) / np.ptp(g["time_s"])
@@ -152,13 +152,13 @@ def test_speed_behind_the_taper_length_is_the_85th_percentile_of_the_vehicles(er
     assert posted.speed_mps == pytest.approx(26.8224)
 
 
-def test_short_traces_cannot_make_a_road():
+def test_short_traces_cannot_make_a_road() -> None:
     track = pd.DataFrame({"vehicle_id": "a", "time_s": np.arange(5.0), "x_m": np.arange(5.0), "y_m": 0.0})
     with pytest.raises(TraceError, match="road's line needs one of at least 50 m"):
         fit_lane_structure(track, spec=LaneStructureSpec())
 
 
-def test_same_traces_give_the_same_bytes():
+def test_same_traces_give_the_same_bytes() -> None:
     zone = drive(zone_layout(), 5, seed=3)
     first, second = (scored(zone, zone.traces)[0].grid.p_occupied.tobytes() for _ in range(2))
     assert first == second

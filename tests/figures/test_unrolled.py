@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,18 +23,18 @@ def zone_of(layout, folder):
     return ResultFolder(folder=folder, result={}, layout=json.loads(json.dumps(layout_geojson(layout))))
 
 
-def test_strip_of_a_bend_unrolls_to_a_rectangle():
+def test_strip_of_a_bend_unrolls_to_a_rectangle() -> None:
     strip = ROAD.strip(200, 1200, -3.0, 11.0)
     assert unrolled_area(strip, ROAD).symmetric_difference(shapely.box(200, -3, 1200, 11)).area < 1e-3 * 14 * 1000
 
 
-def test_straight_edge_across_a_bend_unrolls_to_a_curve():
+def test_straight_edge_across_a_bend_unrolls_to_a_curve() -> None:
     chord = shapely.LineString(ROAD.to_xy([600, 700], [0, 0])).buffer(0.5, cap_style="flat")
     # The sagitta of a 100 m chord on 300 m less 18 ft: c^2 / (8 R).
     assert abs(unrolled_area(chord, ROAD).bounds[1]) == pytest.approx(100**2 / (8 * 305.5) + 0.5, rel=0.05)
 
 
-def test_every_pixel_of_an_unrolled_map_is_the_cell_that_its_point_lies_in():
+def test_every_pixel_of_an_unrolled_map_is_the_cell_that_its_point_lies_in() -> None:
     area = ROAD.strip(400, 800, 0.0, 7.0)
     grid = blank_grid(area.buffer(3.0).bounds, resolution=0.25, p_occupied=0.0)
     values = cells_inside(grid, area)
@@ -50,7 +51,7 @@ def test_every_pixel_of_an_unrolled_map_is_the_cell_that_its_point_lies_in():
     assert image[well_inside].all()
 
 
-def test_zone_read_from_its_file_has_the_road_devices_and_lanes_of_the_layout(tmp_path):
+def test_zone_read_from_its_file_has_the_road_devices_and_lanes_of_the_layout(tmp_path: Path) -> None:
     layout = lay_out(paper_work_zone(), ROAD)
     zone = zone_of(layout, tmp_path)
     assert zone.devices[["x_m", "y_m", "s_m"]].to_numpy() == pytest.approx(layout.devices[["x_m", "y_m", "s_m"]].to_numpy())
@@ -63,7 +64,7 @@ def test_zone_read_from_its_file_has_the_road_devices_and_lanes_of_the_layout(tm
 
 
 @pytest.mark.parametrize(("road", "panels"), [(ROAD, 4), (bent_road(1_000_000), 3)])
-def test_drawing_of_a_zone_shows_the_road_as_it_lies_where_it_bends(tmp_path, road, panels):
+def test_drawing_of_a_zone_shows_the_road_as_it_lies_where_it_bends(tmp_path: Path, road, panels: int) -> None:
     figure = draw_zone(zone_of(lay_out(paper_work_zone(), road), tmp_path))
     assert len(figure.axes) == panels
     assert figure.axes[2].get_aspect() == 1.0
@@ -75,7 +76,7 @@ def test_drawing_of_a_zone_shows_the_road_as_it_lies_where_it_bends(tmp_path, ro
     assert [text.get_text() for text in figure.axes[2].texts if text.get_text()] == ["3.35 m\n11.0 ft"] * 2
 
 
-def test_layout_file_is_valid_geojson_whose_lanes_lie_on_the_pavement():
+def test_layout_file_is_valid_geojson_whose_lanes_lie_on_the_pavement() -> None:
     layout = lay_out(paper_work_zone(), ROAD)
     features = layout_geojson(layout)["features"]
     lanes = [shape(feature["geometry"]) for feature in features if feature["properties"]["name"] == "lane"]

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ def ply_header(form, *properties):
     return "\n".join([*lines, "element face 0", "property list uchar int vertex_indices", "end_header", ""]).encode()
 
 
-def test_same_points_come_back_from_every_format(tmp_path):
+def test_same_points_come_back_from_every_format(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", POINTS)
     (tmp_path / "named.csv").write_text("t,z,y,x\n" + "\n".join(f"0,{z},{y},{x}" for x, y, z in POINTS))
     (tmp_path / "bare.csv").write_text("\n".join(",".join(map(str, p)) for p in POINTS))
@@ -41,13 +43,13 @@ def test_same_points_come_back_from_every_format(tmp_path):
         ("a.ply", b"solid", "no PLY header"),
     ],
 )
-def test_unreadable_cloud_is_refused_with_file_and_reason(tmp_path, name, content, part):
+def test_unreadable_cloud_is_refused_with_file_and_reason(tmp_path: Path, name: str, content: bytes, part: str) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(CloudError, match=part) as error:
         read_cloud(tmp_path / name)
     assert str(tmp_path / name) in str(error.value)
 
 
-def test_missing_cloud_file_is_refused(tmp_path):
+def test_missing_cloud_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CloudError, match="no such file"):
         read_cloud(tmp_path / "none.npy")

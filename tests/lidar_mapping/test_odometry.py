@@ -83,32 +83,32 @@ def arc_scans(truth, count, **options):
     return [scan_of_posts(truth(k * 0.1), start_s=k * 0.1, seed=k, **options) for k in range(count)]
 
 
-def test_dead_reckoning_of_exact_readings_is_the_arc():
+def test_dead_reckoning_of_exact_readings_is_the_arc() -> None:
     readings, truth = readings_of(8.0)
     times = np.array([0.0, 1.234, 7.9])
     np.testing.assert_allclose(dead_reckon(readings, times, np.eye(4)), truth(times), atol=1e-4)
 
 
-def test_dead_reckoning_starts_where_it_is_told():
+def test_dead_reckoning_starts_where_it_is_told() -> None:
     readings, truth = readings_of(4.0)
     start = rigid(rotation_from_rpy([0, 0, 2.0]), [10, -5, 3])
     np.testing.assert_allclose(dead_reckon(readings, [3.0], start)[0], start @ truth(3.0), atol=1e-4)
 
 
-def test_motion_within_a_scan_is_relative_to_its_start():
+def test_motion_within_a_scan_is_relative_to_its_start() -> None:
     readings, truth = readings_of(4.0)
     times = np.array([2.0, 2.03, 2.1])
     expected = inverse(truth(2.0)) @ truth(times)
     np.testing.assert_allclose(motion_within(readings, first_prior(np.eye(4), MotionSpec()), times), expected, atol=1e-5)
 
 
-def test_motion_beyond_the_readings_is_refused():
+def test_motion_beyond_the_readings_is_refused() -> None:
     readings, _ = readings_of(2.0)
     with pytest.raises(TraceError, match="no motion readings"):
         motion_within(readings, first_prior(np.eye(4), MotionSpec()), np.array([30.0, 30.1]))
 
 
-def test_predicted_covariance_equals_monte_carlo():
+def test_predicted_covariance_equals_monte_carlo() -> None:
     spec = MotionSpec()
     rng = np.random.default_rng(1)
     prior = first_prior(np.eye(4), spec)
@@ -123,7 +123,7 @@ def test_predicted_covariance_equals_monte_carlo():
     np.testing.assert_allclose(np.cov(np.array(ends).T), predicted, atol=0.08 * predicted.max(), rtol=0.12)
 
 
-def test_exact_measurement_leaves_no_doubt_in_what_it_measures():
+def test_exact_measurement_leaves_no_doubt_in_what_it_measures() -> None:
     prior = first_prior(np.eye(4), MotionSpec())
     jacobian = np.eye(8)[:1]
     after = update(prior, jacobian=jacobian, residual=np.array([0.002]), noise=np.array([[1e-12]]))
@@ -131,7 +131,7 @@ def test_exact_measurement_leaves_no_doubt_in_what_it_measures():
     assert after.covariance[0, 0] < 1e-11
 
 
-def test_gnss_calibrates_the_wheel_and_the_gyroscope():
+def test_gnss_calibrates_the_wheel_and_the_gyroscope() -> None:
     readings, truth = readings_of(30.0, scale=1.02, gyro_bias=0.0005, fixes=True)
     spec = MotionSpec(gnss_m=0.02)
     prior = first_prior(np.eye(4), spec)
@@ -142,7 +142,7 @@ def test_gnss_calibrates_the_wheel_and_the_gyroscope():
     assert prior.bias_rps == pytest.approx(-0.0005, abs=0.0002)
 
 
-def test_posts_are_found_on_their_axes_and_ground_gives_planars():
+def test_posts_are_found_on_their_axes_and_ground_gives_planars() -> None:
     pose = rigid(rotation_from_rpy([0, 0, 0.3]), [12.0, 0.5, 0])
     scan = scan_of_posts(pose, start_s=0.0, seed=1, noise=0.0)
     kind, place = classify_points(scan, scan.object_id > 0, FeatureSpec(edges_per_sector=0))
@@ -156,7 +156,7 @@ def test_posts_are_found_on_their_axes_and_ground_gives_planars():
     np.testing.assert_allclose(axes.mean(axis=0), 0.0, atol=0.02)
 
 
-def test_planars_of_a_line_keep_their_distance_and_stay_within_their_number():
+def test_planars_of_a_line_keep_their_distance_and_stay_within_their_number() -> None:
     scan = scan_of_posts(np.eye(4), start_s=0.0, seed=1)
     spec = FeatureSpec(sectors=4, planars_per_sector=3)
     kind, _ = classify_points(scan, np.zeros(len(scan.points), dtype=bool), spec)
@@ -167,7 +167,7 @@ def test_planars_of_a_line_keep_their_distance_and_stay_within_their_number():
         assert (np.diff(columns) > SIDE / 2).all()
 
 
-def test_motion_taken_out_equals_matrix_product_point_by_point():
+def test_motion_taken_out_equals_matrix_product_point_by_point() -> None:
     scan = scan_of_posts(np.eye(4), start_s=0.0, seed=1)
     share = np.linspace(0, 1, 900)[:, None]
     motion = rigid(rotation_from_rpy(share * (0.1, 0.2, 0.3)), share * (1.0, 2.0, 3.0))
@@ -175,7 +175,7 @@ def test_motion_taken_out_equals_matrix_product_point_by_point():
     np.testing.assert_allclose(take_out_motion(scan, motion)[::50], expected, atol=1e-12)
 
 
-def test_posts_mend_a_wheel_that_is_off_by_two_percent():
+def test_posts_mend_a_wheel_that_is_off_by_two_percent() -> None:
     readings, truth = readings_of(4.0, scale=1.02)
     posed = drive(arc_scans(truth, 24), readings)
     true_poses = truth(np.arange(24) * 0.1)
@@ -187,7 +187,7 @@ def test_posts_mend_a_wheel_that_is_off_by_two_percent():
     assert all(p.state in {ScanState.REGISTERED, ScanState.DEGENERATE} for p in posed[1:])
 
 
-def test_ground_alone_leaves_the_way_along_the_road_to_the_prior():
+def test_ground_alone_leaves_the_way_along_the_road_to_the_prior() -> None:
     readings, truth = readings_of(2.0, scale=1.02)
     posed = drive(arc_scans(truth, 15, posts=POSTS[:0]), readings)
     assert {p.state for p in posed[1:]} == {ScanState.DEGENERATE}
@@ -197,7 +197,7 @@ def test_ground_alone_leaves_the_way_along_the_road_to_the_prior():
     assert np.linalg.norm(along) < 0.01
 
 
-def test_empty_and_repeated_scans_fall_back_on_the_prior_and_say_so():
+def test_empty_and_repeated_scans_fall_back_on_the_prior_and_say_so() -> None:
     readings, truth = readings_of(2.0)
     scans = arc_scans(truth, 8)
     empty = LidarScan(
@@ -221,7 +221,7 @@ def test_empty_and_repeated_scans_fall_back_on_the_prior_and_say_so():
     assert without_clouds(posed[0]).cloud.base is None  # a view would keep the points in memory for as long as the log lives
 
 
-def test_scan_that_fits_elsewhere_is_not_believed():
+def test_scan_that_fits_elsewhere_is_not_believed() -> None:
     readings, truth = readings_of(2.0)
     scans = arc_scans(truth, 6)
     moved_away = scan_of_posts(truth(0.6) @ rigid(np.eye(3), [0.35, 0, 0]), start_s=0.6, seed=9)
@@ -229,14 +229,14 @@ def test_scan_that_fits_elsewhere_is_not_believed():
     assert trajectory_error_m(np.array([p.pose for p in posed]), truth(np.arange(7) * 0.1)).max() < 0.05
 
 
-def test_scans_beyond_the_gate_leave_the_prior_alone():
+def test_scans_beyond_the_gate_leave_the_prior_alone() -> None:
     readings, truth = readings_of(2.0, scale=1.02)
     posed = drive(arc_scans(truth, 6), readings, LoamSpec(gate=1e-3))
     assert {p.state for p in posed[1:]} == {ScanState.CONTRADICTS_PRIOR}
     np.testing.assert_allclose(posed[-1].pose[:3, 3], posed[-1].dead_reckoned[:3, 3], atol=1e-3)
 
 
-def test_rtk_fixes_bound_the_error_and_gaps_are_told():
+def test_rtk_fixes_bound_the_error_and_gaps_are_told() -> None:
     readings, truth = readings_of(2.5, scale=1.02, fixes=True)
     kept = (readings.gnss_time_s < 1.0) | (readings.gnss_time_s > 1.5)
     gap = MotionReadings(**{**vars(readings), "gnss_time_s": readings.gnss_time_s[kept], "gnss": readings.gnss[kept]})
@@ -245,7 +245,7 @@ def test_rtk_fixes_bound_the_error_and_gaps_are_told():
     assert trajectory_error_m(np.array([p.pose for p in posed]), truth(np.arange(19) * 0.1)).max() < 0.06
 
 
-def test_drive_without_a_scan_is_refused():
+def test_drive_without_a_scan_is_refused() -> None:
     readings, _ = readings_of(1.0)
     with pytest.raises(InputError, match="no scans"):
         drive([], readings)

@@ -34,13 +34,13 @@ def driven_past(posts, *, depth_error, every=2.0, metres=40.0):
     return held
 
 
-def test_post_stands_where_its_bearings_meet_although_its_depth_is_off():
+def test_post_stands_where_its_bearings_meet_although_its_depth_is_off() -> None:
     post = np.array([[25.0, -8.0, 0.5]])
     held = driven_past(post, depth_error=0.05, every=0.5, metres=15.0)
     np.testing.assert_allclose(held.places, post[:, :2], atol=0.006)
 
 
-def test_places_equal_weighted_least_squares_over_all_sightings():
+def test_places_equal_weighted_least_squares_over_all_sightings() -> None:
     rng = np.random.default_rng(1)
     posts, held, rows = np.array([[20.0, -8.0, 0.5], [31.0, 6.0, 0.5]]), PostMap(apart=0.6), []
     for x in np.arange(0.0, 30.0, 3.0):
@@ -61,7 +61,7 @@ def test_places_equal_weighted_least_squares_over_all_sightings():
         np.testing.assert_allclose(held.information[post], a.T @ a, rtol=1e-9)
 
 
-def test_patch_weighs_a_post_by_how_sure_sighting_and_map_are():
+def test_patch_weighs_a_post_by_how_sure_sighting_and_map_are() -> None:
     post = np.array([[25.0, -8.0, 0.5]])
     held = driven_past(post, depth_error=0.0)
     pose = rigid(rotation_from_rpy([0, 0, 0.3]), [5.0, 1.0, 0.0])
@@ -76,14 +76,14 @@ def test_patch_weighs_a_post_by_how_sure_sighting_and_map_are():
 
 
 @pytest.mark.parametrize("scans", [FEWEST_SCANS - 1, FEWEST_SCANS])
-def test_nothing_is_laid_on_a_post_before_it_was_seen_in_some_scans(scans):
+def test_nothing_is_laid_on_a_post_before_it_was_seen_in_some_scans(scans) -> None:
     post = np.array([[25.0, -8.0, 0.5]])
     held = driven_past(post, depth_error=0.0, metres=2.0 * scans)
     assert held.nearest(post, within=0.5).tolist() == [0 if scans == FEWEST_SCANS else -1]
     assert held.nearest(post + 0.6, within=0.5).tolist() == [-1]
 
 
-def test_row_of_posts_whose_depth_is_off_does_not_turn_the_car():
+def test_row_of_posts_whose_depth_is_off_does_not_turn_the_car() -> None:
     held, pose, trust = PostMap(apart=0.6), np.eye(4), np.diag(1 / np.square([0.02, 0.01, 0.01, 1e-4, 1e-4, 5e-4]))
     for x in np.arange(0.0, 120.0, 1.0):
         truth = rigid(np.eye(3), [x, 0.0, 0.0])

@@ -57,7 +57,7 @@ def slow_patch(feature, points, shape, radius):
 
 
 @given(ANGLES, ANGLES, st.floats(-3.1, 3.1))
-def test_rotations_equal_scipy_and_come_back(roll, pitch, yaw):
+def test_rotations_equal_scipy_and_come_back(roll, pitch, yaw) -> None:
     ours = rotation_from_rpy([roll, pitch, yaw])
     np.testing.assert_allclose(ours, Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix(), atol=1e-12)
     np.testing.assert_allclose(rpy_from_rotation(ours), [roll, pitch, yaw], atol=1e-9)
@@ -68,12 +68,12 @@ def test_rotations_equal_scipy_and_come_back(roll, pitch, yaw):
 
 
 @given(st.lists(st.floats(-2, 2), min_size=6, max_size=6))
-def test_minus_undoes_plus(step):
+def test_minus_undoes_plus(step) -> None:
     pose = rigid(rotation_from_rpy([0.1, -0.2, 2.0]), [5, 6, 7])
     np.testing.assert_allclose(minus(plus(pose, np.array(step) / 2), pose), np.array(step) / 2, atol=1e-9)
 
 
-def test_voxel_map_keeps_points_apart_and_grows_without_losing_any():
+def test_voxel_map_keeps_points_apart_and_grows_without_losing_any() -> None:
     rng = np.random.default_rng(1)
     points = rng.uniform(-60, 60, (60_000, 3)) * (1, 1, 0.05)
     held = VoxelMap(cube=1.0, spacing=0.3)
@@ -91,7 +91,7 @@ def test_voxel_map_keeps_points_apart_and_grows_without_losing_any():
 
 
 @pytest.mark.parametrize("shape", [Shape.LINE, Shape.PLANE, Shape.ANY])
-def test_patches_equal_sorted_neighbours_and_numpy_eigenvectors(shape):
+def test_patches_equal_sorted_neighbours_and_numpy_eigenvectors(shape) -> None:
     held = VoxelMap(cube=1.0, spacing=0.05)
     held.insert(room(1, n=4000))
     features = room(2, n=300) + 0.02
@@ -103,7 +103,7 @@ def test_patches_equal_sorted_neighbours_and_numpy_eigenvectors(shape):
         np.testing.assert_allclose(patches.projector[i], projector, atol=1e-6)
 
 
-def test_ground_patches_measure_height_alone():
+def test_ground_patches_measure_height_alone() -> None:
     rng = np.random.default_rng(3)
     floor = np.column_stack([rng.uniform(-10, 10, (4000, 2)), 0.02 * rng.standard_normal(4000)])
     held = VoxelMap(cube=1.5, spacing=0.2)
@@ -149,7 +149,7 @@ def test_information_and_pull_equal_numerical_derivatives_of_the_cost():
     ("vector", "shift"), [((0, 0, 0.1), (0.5, 0.3, 0.1)), ((0.05, -0.05, 0.3), (1.5, -1.0, 0.3)), ((0, 0, 0), (0.02, 0, 0))]
 )
 @pytest.mark.parametrize("far", [0.0, 500_000.0])
-def test_two_scans_of_a_room_are_laid_on_each_other(vector, shift, far):
+def test_two_scans_of_a_room_are_laid_on_each_other(vector, shift, far: float) -> None:
     truth = rigid(rotation_from_vector(vector), shift)
     offset = rigid(np.eye(3), [far, -far, 0])
     truth = offset @ truth @ inverse(offset)
@@ -161,20 +161,20 @@ def test_two_scans_of_a_room_are_laid_on_each_other(vector, shift, far):
     assert result.overlap > 0.9
 
 
-def test_clouds_of_a_part_in_millimetre_size_are_registered_alike():
+def test_clouds_of_a_part_in_millimetre_size_are_registered_alike() -> None:
     truth = rigid(rotation_from_vector([0.05, 0, 0.1]), [0.002, -0.001, 0.0])
     result = register(moved(room(2) / 100, inverse(truth)), room(1) / 100)
     np.testing.assert_allclose(result.transform, truth, atol=2e-4)
 
 
 @pytest.mark.parametrize("stray", [[2e6, 0.0, 0.0], [300.0, -900.0, 40.0]])
-def test_stray_point_far_off_changes_nothing(stray):
+def test_stray_point_far_off_changes_nothing(stray) -> None:
     result = register(np.vstack([street(0.4, 2), [stray]]), street(0.0, 1))
     assert result.status == RegistrationStatus.CONVERGED
     np.testing.assert_allclose(result.transform[:2, 3], [0.4, 0.0], atol=0.06)
 
 
-def test_clouds_in_centimetres_are_registered_in_centimetres():
+def test_clouds_in_centimetres_are_registered_in_centimetres() -> None:
     truth = rigid(rotation_from_vector([0.0, 0, 0.1]), [40.0, -20.0, 5.0])
     result = register(moved(100 * room(2), inverse(truth)), 100 * room(1))
     assert result.status == RegistrationStatus.CONVERGED
@@ -182,7 +182,7 @@ def test_clouds_in_centimetres_are_registered_in_centimetres():
 
 
 @pytest.mark.parametrize("step", [0.4, 1.0])
-def test_street_scans_do_not_lock_on_their_own_ground_rings(step):
+def test_street_scans_do_not_lock_on_their_own_ground_rings(step: float) -> None:
     result = register(street(step, 2, yaw=0.01, y=0.1), street(0.0, 1))
     assert result.status == RegistrationStatus.CONVERGED
     np.testing.assert_allclose(result.transform[:2, 3], [step, 0.1], atol=0.06)
@@ -190,21 +190,21 @@ def test_street_scans_do_not_lock_on_their_own_ground_rings(step):
 
 
 @pytest.mark.parametrize("yaw", [1.2, -1.7, 2.6])
-def test_scan_turned_far_about_the_vertical_is_found(yaw):
+def test_scan_turned_far_about_the_vertical_is_found(yaw: float) -> None:
     result = register(street(0.4, 2, yaw=yaw, y=0.1), street(0.0, 1))
     np.testing.assert_allclose(result.transform[:2, 3], [0.4, 0.1], atol=0.06)
     assert rpy_from_rotation(result.transform[:3, :3])[2] == pytest.approx(yaw, abs=0.005)
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_identical_clouds_are_named_and_not_silently_an_identity(order):
+def test_identical_clouds_are_named_and_not_silently_an_identity(order: int) -> None:
     result = register(room(1)[::order], room(1))
     assert result.status == RegistrationStatus.IDENTICAL_CLOUDS
     np.testing.assert_array_equal(result.transform, np.eye(4))
     assert result.free_directions == 6
 
 
-def test_bare_plane_leaves_three_directions_free():
+def test_bare_plane_leaves_three_directions_free() -> None:
     rng = np.random.default_rng(1)
     floors = [np.column_stack([rng.uniform(-8, 8, (4000, 2)), 0.005 * rng.standard_normal(4000)]) for _ in range(2)]
     result = register(floors[0] + (0, 0, 0.2), floors[1])
@@ -213,12 +213,12 @@ def test_bare_plane_leaves_three_directions_free():
     assert result.transform[2, 3] == pytest.approx(-0.2, abs=0.01)
 
 
-def test_handful_of_points_is_too_few():
+def test_handful_of_points_is_too_few() -> None:
     result = register(room(1, n=8), room(2))
     assert result.status == RegistrationStatus.TOO_FEW_FEATURES
 
 
-def test_clouds_of_different_places_overlap_poorly():
+def test_clouds_of_different_places_overlap_poorly() -> None:
     elsewhere = np.random.default_rng(4).uniform(-1, 1, (4000, 3)) * (90, 90, 3) + (200, 0, 0)
     result = register(np.vstack([room(1, n=800), elsewhere]), room(2, n=3000), start=np.eye(4))
     assert result.status == RegistrationStatus.POOR_OVERLAP
@@ -233,6 +233,6 @@ def test_clouds_of_different_places_overlap_poorly():
         (room(1, n=50), np.zeros((10, 3)), "extent"),
     ],
 )
-def test_clouds_that_cannot_be_registered_are_refused_with_reason(source, target, part):
+def test_clouds_that_cannot_be_registered_are_refused_with_reason(source, target, part: str) -> None:
     with pytest.raises(CloudError, match=part):
         register(source, target)

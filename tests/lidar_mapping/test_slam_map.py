@@ -67,7 +67,7 @@ def connected(grid, start, goal):
     return label[rows[0], cols[0]] == label[rows[1], cols[1]] != 0
 
 
-def test_raw_view_is_occupied_where_hit_and_free_everywhere_else():
+def test_raw_view_is_occupied_where_hit_and_free_everywhere_else() -> None:
     maps = build_maps(zone_scans([(20.0, 3.0)]), SlamMapSpec(), cells=CELLS)
     row, col = maps.birds_eye.cell_of(cone_points(20.0, 3.0)[:, :2])
     expected = np.zeros(maps.birds_eye.shape)
@@ -75,20 +75,20 @@ def test_raw_view_is_occupied_where_hit_and_free_everywhere_else():
     np.testing.assert_array_equal(maps.birds_eye.p_occupied, expected)
 
 
-def test_cell_with_too_few_points_stays_free_in_raw_view():
+def test_cell_with_too_few_points_stays_free_in_raw_view() -> None:
     scans = [posed_scan([[20.05, 3.05, 0.5]] * 2, [True, True])]
     assert build_maps(scans, SlamMapSpec(min_points=3), cells=CELLS).birds_eye.p_occupied.max() == 0
     assert build_maps(scans, SlamMapSpec(min_points=2), cells=CELLS).birds_eye.p_occupied.max() == 1
 
 
 @pytest.mark.parametrize(("scans", "log_odds"), [(1, 0.85), (3, 2.55), (9, 3.5)])
-def test_hits_add_up_to_their_clamped_log_odds(scans, log_odds):
+def test_hits_add_up_to_their_clamped_log_odds(scans: int, log_odds: float) -> None:
     one = posed_scan([[20.05, 3.05, 0.8]], [True])
     maps = build_maps([one] * scans, SlamMapSpec(), cells=CELLS)
     assert cell(maps.log_odds, 20.05, 3.05) == pytest.approx(1 / (1 + np.exp(-log_odds)), rel=1e-5)
 
 
-def test_ground_ray_frees_its_low_end_and_nothing_before_or_behind():
+def test_ground_ray_frees_its_low_end_and_nothing_before_or_behind() -> None:
     # From 1.9 m high at x = 1.4 to the ground at x = 39.5: below 0.4 m on its last 4 / 19, from x = 31.48 on.
     maps = build_maps([posed_scan([[39.5, 0.1, 0.0]], [False])], SlamMapSpec(), cells=CELLS)
     row = maps.log_odds.cell_of([[10.0, 0.1]])[0][0]
@@ -100,12 +100,12 @@ def test_ground_ray_frees_its_low_end_and_nothing_before_or_behind():
     assert (np.delete(maps.log_odds.p_occupied, row, axis=0) == 0.5).all()
 
 
-def test_hit_wins_over_rays_that_pass_its_cell_in_the_same_scan():
+def test_hit_wins_over_rays_that_pass_its_cell_in_the_same_scan() -> None:
     scan = posed_scan([[20.05, 3.05, 0.5], [20.08, 3.02, 0.0], [22.0, 3.3, 0.0]], [True, False, False])
     assert cell(build_maps([scan], SlamMapSpec(), cells=CELLS).log_odds, 20.05, 3.05) > 0.65
 
 
-def test_maps_lie_in_the_world_whatever_the_pose():
+def test_maps_lie_in_the_world_whatever_the_pose() -> None:
     pose = rigid(rotation_from_rpy([0, 0, 0.8]), [5.0, -4.0, 0.0])
     still, turned = (
         build_maps(zone_scans([(20.0, 3.0), (30.0, 1.0)], pose=p), SlamMapSpec(), cells=CELLS) for p in (None, pose)
@@ -114,7 +114,7 @@ def test_maps_lie_in_the_world_whatever_the_pose():
     np.testing.assert_allclose(still.devices, turned.devices)
 
 
-def test_line_of_cones_separates_the_lanes_in_the_barrier_map_alone():
+def test_line_of_cones_separates_the_lanes_in_the_barrier_map_alone() -> None:
     cones = [(x, 1.0 + 0.05 * x) for x in np.linspace(0.1, 59.9, 8)]
     maps = build_maps(zone_scans(cones), FAR, cells=CELLS)
     below, above = (50.0, -3.0), (50.0, 8.0)
@@ -125,7 +125,7 @@ def test_line_of_cones_separates_the_lanes_in_the_barrier_map_alone():
     assert len(maps.links) == len(cones) - 1
 
 
-def test_gap_longer_than_the_widest_spacing_stays_open():
+def test_gap_longer_than_the_widest_spacing_stays_open() -> None:
     cones = [(0.5, 2.0), (9.0, 2.0), (45.0, 2.0), (60.0, 2.0)]
     maps = build_maps(
         zone_scans(cones), SlamMapSpec(votes=VoteSpec(max_range_m=80.0), devices=DeviceSpec(max_gap_m=30.0)), cells=CELLS
@@ -133,7 +133,7 @@ def test_gap_longer_than_the_widest_spacing_stays_open():
     assert connected(maps.barrier, (50.0, -3.0), (50.0, 8.0))
 
 
-def test_only_what_has_a_device_size_and_was_seen_often_is_a_device():
+def test_only_what_has_a_device_size_and_was_seen_often_is_a_device() -> None:
     votes = Votes(CELLS, VoteSpec())
     for (row, col, rows, cols), top, often in (
         ((20, 40, 2, 2), 0.9, 9),  # a cone
@@ -148,7 +148,7 @@ def test_only_what_has_a_device_size_and_was_seen_often_is_a_device():
     np.testing.assert_allclose(devices, [[8.2, -5.8]])
 
 
-def test_vehicle_that_was_there_in_one_scan_leaves_its_mark_in_all_maps_but_the_barrier():
+def test_vehicle_that_was_there_in_one_scan_leaves_its_mark_in_all_maps_but_the_barrier() -> None:
     ground = posed_scan(ground_points(), np.zeros(len(ground_points())))
     passing = posed_scan([[30.05, -4.95, 0.5], [30.05, -4.95, 1.2]], [True, True])
     maps = build_maps([ground] * 6 + [passing], SlamMapSpec(), cells=CELLS)
@@ -160,7 +160,7 @@ def test_vehicle_that_was_there_in_one_scan_leaves_its_mark_in_all_maps_but_the_
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), n=st.integers(2, 40))
-def test_devices_along_a_line_are_joined_in_their_order(seed, n):
+def test_devices_along_a_line_are_joined_in_their_order(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     along = np.cumsum(rng.uniform(6, 37, n))
     points = np.column_stack([along, 3 + 2 * np.sin(along / 60)])
@@ -169,14 +169,14 @@ def test_devices_along_a_line_are_joined_in_their_order(seed, n):
     assert {frozenset(order[pair]) for pair in links} == {frozenset((k, k + 1)) for k in range(n - 1)}
 
 
-def test_no_device_leaves_the_map_as_it_was():
+def test_no_device_leaves_the_map_as_it_was() -> None:
     grid = CELLS.with_p_occupied(np.full(CELLS.shape, 0.3))
     assert with_barrier(grid, np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), half_width_m=0.2) is grid
     maps = build_maps([posed_scan(ground_points(), np.zeros(len(ground_points())))], SlamMapSpec(), cells=CELLS)
     assert maps.devices.shape == (0, 2)
 
 
-def test_no_scan_is_refused_and_an_empty_one_leaves_all_unknown():
+def test_no_scan_is_refused_and_an_empty_one_leaves_all_unknown() -> None:
     with pytest.raises(InputError, match="no scans"):
         build_maps([], SlamMapSpec(), cells=CELLS)
     maps = build_maps([posed_scan(np.empty((0, 3)), [])], SlamMapSpec(), cells=CELLS)

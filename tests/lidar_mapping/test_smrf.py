@@ -69,14 +69,14 @@ def hilly_town(seed, n=6000):
 
 @pytest.mark.parametrize("radius", [1, 2, 3, 7, 18, 40])
 @pytest.mark.parametrize("shape", [(31, 27), (1, 30), (30, 1), (1, 1)])
-def test_opening_by_disk_equals_scipy_with_padded_borders(radius, shape):
+def test_opening_by_disk_equals_scipy_with_padded_borders(radius: int, shape) -> None:
     surface = np.random.default_rng(radius).normal(size=shape)
     np.testing.assert_array_equal(open_by_disk(surface, radius=radius), slow_opening(surface, radius))
 
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), share=st.floats(0.05, 0.97), rows=st.integers(1, 25), cols=st.integers(2, 25))
-def test_filled_holes_equal_direct_solution_of_membrane(seed, share, rows, cols):
+def test_filled_holes_equal_direct_solution_of_membrane(seed: int, share: float, rows: int, cols: int) -> None:
     rng = np.random.default_rng(seed)
     hole = rng.random((rows, cols)) < share
     hole[rng.integers(rows), rng.integers(cols)] = False
@@ -84,7 +84,7 @@ def test_filled_holes_equal_direct_solution_of_membrane(seed, share, rows, cols)
     np.testing.assert_allclose(fill_holes(surface, hole), slow_membrane(surface, hole), atol=2e-4)
 
 
-def test_long_hole_to_a_stray_point_is_filled_with_the_slope_between():
+def test_long_hole_to_a_stray_point_is_filled_with_the_slope_between() -> None:
     """A solver that starts from nothing needs as many steps as the hole is long, and would stop before it is there."""
     surface = np.full((5, 6000), np.nan)
     surface[:, :40], surface[2, -1] = 0.0, 100.0
@@ -92,7 +92,7 @@ def test_long_hole_to_a_stray_point_is_filled_with_the_slope_between():
     np.testing.assert_allclose(filled, slow_membrane(surface, np.isnan(surface)), atol=0.02)
 
 
-def test_wide_hole_in_a_plane_is_filled_with_the_plane():
+def test_wide_hole_in_a_plane_is_filled_with_the_plane() -> None:
     y, x = np.mgrid[:90, :120]
     plane = 500 + 0.1 * x - 0.05 * y
     hole = (x > 10) & (x < 100) & (y > 5) & (y < 80)
@@ -101,39 +101,39 @@ def test_wide_hole_in_a_plane_is_filled_with_the_plane():
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("spec", [SmrfSpec(), SmrfSpec(cell_m=0.7, window_m=9.0, elevation_threshold_m=0.2, slope=0.25)])
-def test_ground_mask_equals_slow_smrf(seed, spec):
+def test_ground_mask_equals_slow_smrf(seed: int, spec) -> None:
     points, _ = hilly_town(seed)
     agreement = ground_mask(points, spec) == slow_smrf(points, spec)
     assert agreement.mean() > 0.9995  # a point whose distance equals the threshold to within the fill's tolerance may differ
 
 
-def test_houses_trees_and_low_outlier_on_rolling_ground_are_not_ground():
+def test_houses_trees_and_low_outlier_on_rolling_ground_are_not_ground() -> None:
     points, is_ground = hilly_town(7)
     mask = ground_mask(points, SmrfSpec())
     assert (mask & ~is_ground).sum() == 0
     assert (mask & is_ground).sum() >= 0.99 * is_ground.sum()
 
 
-def test_every_point_of_a_steep_smooth_slope_is_ground():
+def test_every_point_of_a_steep_smooth_slope_is_ground() -> None:
     y, x = np.mgrid[:60, :60] * 0.9
     points = np.column_stack([x.ravel(), y.ravel(), 0.14 * x.ravel()])
     assert ground_mask(points, SmrfSpec()).all()
 
 
-def test_ground_mask_of_shifted_cloud_is_the_same():
+def test_ground_mask_of_shifted_cloud_is_the_same() -> None:
     points, _ = hilly_town(3)
     shifted = points + np.array([500_000.0, 4_600_000.0, 200.0])
     assert (ground_mask(points, SmrfSpec()) == ground_mask(shifted, SmrfSpec())).mean() > 0.9995
 
 
-def test_object_cells_of_a_tower_are_its_footprint():
+def test_object_cells_of_a_tower_are_its_footprint() -> None:
     surface = np.zeros((40, 40))
     surface[15:20, 12:30] = 8.0
     np.testing.assert_array_equal(object_cells(surface, 0.15, 10, cell=1.0), surface > 0)
 
 
 @pytest.mark.parametrize("points", [[[1.0, 2.0, 3.0]], [[0.0, 0.0, 0.0], [0.0, 50.0, 0.0]]])
-def test_one_point_and_one_column_of_cells_are_ground(points):
+def test_one_point_and_one_column_of_cells_are_ground(points) -> None:
     assert ground_mask(points, SmrfSpec()).all()
 
 
@@ -149,6 +149,6 @@ def test_one_point_and_one_column_of_cells_are_ground(points):
         (np.full((4, 3), 1j), "not a table of real numbers"),
     ],
 )
-def test_cloud_that_cannot_be_filtered_is_refused_with_reason(points, part):
+def test_cloud_that_cannot_be_filtered_is_refused_with_reason(points, part: str) -> None:
     with pytest.raises(CloudError, match=part.replace("(", r"\(").replace(")", r"\)")):
         ground_mask(points, SmrfSpec())

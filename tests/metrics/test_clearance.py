@@ -20,7 +20,7 @@ def weaving_poses(layout, *, n=60):
     return np.column_stack([x, y, np.arctan2(np.gradient(y), np.gradient(x))])
 
 
-def test_outlines_of_many_poses_are_those_of_each():
+def test_outlines_of_many_poses_are_those_of_each() -> None:
     poses = np.random.default_rng(1).uniform(-3, 3, (20, 3))
     expected = np.array([to_world(pose, CORNERS) for pose in poses])
     assert CAR.outline(poses) == pytest.approx(expected, abs=1e-12)
@@ -28,7 +28,7 @@ def test_outlines_of_many_poses_are_those_of_each():
 
 
 @pytest.mark.parametrize("shift_m", [0.0, 40.0])
-def test_clearance_to_devices_is_the_distance_to_the_union_of_all_that_is_swept(shift_m):
+def test_clearance_to_devices_is_the_distance_to_the_union_of_all_that_is_swept(shift_m: float) -> None:
     layout = paper_layout()
     poses = weaving_poses(layout) - (0.0, shift_m, 0.0)  # far below the road no device is touched
     swept = shapely.union_all(swept_pieces(poses, CAR))
@@ -38,7 +38,7 @@ def test_clearance_to_devices_is_the_distance_to_the_union_of_all_that_is_swept(
     assert (found.min_clearance_devices_m > 0) == (shift_m > 0)
 
 
-def test_clearance_beside_the_edge_of_the_pavement_is_what_is_left_beside_the_car():
+def test_clearance_beside_the_edge_of_the_pavement_is_what_is_left_beside_the_car() -> None:
     layout = paper_layout()
     edge = -layout.road.right_shoulder
     poses = [(x, edge + 0.93 + 0.5, 0.0) for x in (100.0, 110.0)]  # half a metre between the outline and the edge

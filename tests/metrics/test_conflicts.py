@@ -54,12 +54,12 @@ def trace_table(track, *, vehicle_id, speed, dt, first_time=0.0):
         (8.0, 4.0, 0.0, 2.0, 1.0),
     ],
 )
-def test_ttc_and_drac_in_line_follow_the_definitions(gap_m, rear, front, ttc, drac):
+def test_ttc_and_drac_in_line_follow_the_definitions(gap_m: float, rear: float, front: float, ttc, drac) -> None:
     assert time_to_collision(gap_m, rear, front) == ttc
     assert deceleration_to_avoid_crash(gap_m, rear, front) == drac
 
 
-def test_ttc_and_drac_of_arrays_have_the_shape_of_the_arrays():
+def test_ttc_and_drac_of_arrays_have_the_shape_of_the_arrays() -> None:
     gaps = np.array([[10.0, 20.0], [30.0, 40.0]])
     np.testing.assert_allclose(time_to_collision(gaps, 12.0, 10.0), gaps / 2)
     np.testing.assert_allclose(deceleration_to_avoid_crash(gaps, 12.0, 10.0), 2 / gaps)
@@ -69,7 +69,9 @@ def test_ttc_and_drac_of_arrays_have_the_shape_of_the_arrays():
     x=st.floats(-12, 12), y=st.floats(-12, 12), heading_a=st.floats(-4, 4), heading_b=st.floats(-4, 4),
     size_b=st.sampled_from([CAR, TRUCK, (0.6, 0.6)]),
 )  # fmt: skip
-def test_boxes_overlap_exactly_where_shapely_says_they_intersect(x, y, heading_a, heading_b, size_b):
+def test_boxes_overlap_exactly_where_shapely_says_they_intersect(
+    x: float, y: float, heading_a: float, heading_b: float, size_b
+) -> None:
     pose_a, pose_b = (1.0, -2.0, heading_a), (1.0 + x, -2.0 + y, heading_b)
     a, b = shapely_box(pose_a, CAR), shapely_box(pose_b, size_b)
     # On the edge itself rounding decides, so a hair's breadth either way is left out.
@@ -78,7 +80,7 @@ def test_boxes_overlap_exactly_where_shapely_says_they_intersect(x, y, heading_a
         assert bool(boxes_overlap(pose_a, CAR, pose_b, size_b)) == a.intersects(b)
 
 
-def test_overlap_of_many_boxes_with_one_equals_shapely_for_each():
+def test_overlap_of_many_boxes_with_one_equals_shapely_for_each() -> None:
     rng = np.random.default_rng(7)
     poses = np.column_stack([rng.uniform(-10, 10, (2000, 2)), rng.uniform(-np.pi, np.pi, 2000)])
     truck = shapely_box((0.0, 0.0, 0.3), TRUCK)
@@ -87,7 +89,7 @@ def test_overlap_of_many_boxes_with_one_equals_shapely_for_each():
     assert 200 < sum(expected) < 1800
 
 
-def test_a_vehicle_that_is_not_there_overlaps_nobody_and_is_on_no_collision_course():
+def test_a_vehicle_that_is_not_there_overlaps_nobody_and_is_on_no_collision_course() -> None:
     absent = (np.nan, np.nan, np.nan)
     assert not boxes_overlap(absent, CAR, (0, 0, 0), CAR)
     approach = box_approach(absent, CAR, (0, 0, 0), CAR, speed_a=np.nan, speed_b=1.0)
@@ -95,7 +97,9 @@ def test_a_vehicle_that_is_not_there_overlaps_nobody_and_is_on_no_collision_cour
 
 
 @given(gap=st.floats(0.1, 200), rear=st.floats(0, 40), front=st.floats(0, 40), heading=st.floats(-3.1, 3.1))
-def test_approach_of_boxes_in_one_lane_is_ttc_and_drac_of_the_bumper_gap(gap, rear, front, heading):
+def test_approach_of_boxes_in_one_lane_is_ttc_and_drac_of_the_bumper_gap(
+    gap: float, rear: float, front: float, heading: float
+) -> None:
     apart = gap + CAR[0]
     ahead = (apart * np.cos(heading), apart * np.sin(heading), heading)
     approach = box_approach((0, 0, heading), CAR, ahead, CAR, speed_a=rear, speed_b=front)
@@ -105,14 +109,14 @@ def test_approach_of_boxes_in_one_lane_is_ttc_and_drac_of_the_bumper_gap(gap, re
         np.testing.assert_allclose(approach.drac, deceleration_to_avoid_crash(gap, rear, front), rtol=1e-6)
 
 
-def test_approach_at_a_right_angle_is_the_time_at_which_the_front_reaches_the_others_side():
+def test_approach_at_a_right_angle_is_the_time_at_which_the_front_reaches_the_others_side() -> None:
     crossing = box_approach((-30.0, 0, 0), CAR, (0, -20.0, np.pi / 2), CAR, speed_a=15.0, speed_b=10.0)
     # a's front needs (30 - 2.32 - 0.93) / 15 s to b's lane; b's front is in a's lane from (20 - 2.32 - 0.93) / 10 s on.
     assert crossing.ttc == pytest.approx(max(26.75 / 15, 16.75 / 10))
     assert crossing.drac == pytest.approx(np.hypot(15, 10) / (2 * 26.75 / 15))
 
 
-def test_approach_side_by_side_in_parallel_lanes_never_meets():
+def test_approach_side_by_side_in_parallel_lanes_never_meets() -> None:
     beside = box_approach((0, 0, 0), CAR, (10.0, 3.6, 0), CAR, speed_a=30.0, speed_b=10.0)
     assert (beside.ttc, beside.drac) == (np.inf, 0.0)
 
@@ -121,7 +125,7 @@ def test_approach_side_by_side_in_parallel_lanes_never_meets():
     x=st.floats(-60, 60), y=st.floats(-60, 60), heading=st.floats(-3.1, 3.1),
     speed_a=st.floats(0, 30), speed_b=st.floats(0, 30),
 )  # fmt: skip
-def test_boxes_first_touch_at_the_time_to_collision(x, y, heading, speed_a, speed_b):
+def test_boxes_first_touch_at_the_time_to_collision(x: float, y: float, heading: float, speed_a: float, speed_b: float):
     pose_b = (x, y, heading)
     ttc = float(box_approach((0, 0, 0), CAR, pose_b, TRUCK, speed_a=speed_a, speed_b=speed_b).ttc)
 
@@ -138,13 +142,13 @@ def test_boxes_first_touch_at_the_time_to_collision(x, y, heading, speed_a, spee
         assert all(distance(time) > 0 for time in np.linspace(0, 20, 9))
 
 
-def test_pet_in_car_following_is_the_net_time_gap():
+def test_pet_in_car_following_is_the_net_time_gap() -> None:
     leader = straight_track(start=(24.64, 0.0), heading=0.0, speed=10.0, n=400, dt=0.05)
     follower = straight_track(start=(0.0, 0.0), heading=0.0, speed=10.0, n=400, dt=0.05)
     assert post_encroachment_time(follower, CAR, leader, CAR, dt=0.05, horizon_s=5.0) == pytest.approx(2.0, abs=0.05)
 
 
-def test_pet_at_a_crossing_is_arrival_of_the_second_less_departure_of_the_first():
+def test_pet_at_a_crossing_is_arrival_of_the_second_less_departure_of_the_first() -> None:
     # Crossing area |x|, |y| < 0.93. a leaves it at (30 + 0.93 + 2.32) / 10 s, b comes to it at (80 - 0.93 - 2.32) / 16 s.
     a = straight_track(start=(-30.0, 0.0), heading=0.0, speed=10.0, n=800, dt=0.01)
     b = straight_track(start=(0.0, -80.0), heading=np.pi / 2, speed=16.0, n=800, dt=0.01)
@@ -154,13 +158,13 @@ def test_pet_at_a_crossing_is_arrival_of_the_second_less_departure_of_the_first(
 
 
 @pytest.mark.parametrize(("lateral_m", "expected"), [(1.9, np.inf), (1.8, 0.0)])
-def test_pet_counts_outlines_and_not_centres(lateral_m, expected):
+def test_pet_counts_outlines_and_not_centres(lateral_m: float, expected) -> None:
     a = straight_track(start=(0.0, 0.0), heading=0.0, speed=10.0, n=100, dt=0.1)
     b = straight_track(start=(30.0, lateral_m), heading=np.pi, speed=10.0, n=100, dt=0.1)
     assert post_encroachment_time(a, CAR, b, CAR, dt=0.1, horizon_s=5.0) == expected
 
 
-def test_pet_equals_the_least_lag_of_all_pairs_of_rows_that_overlap():
+def test_pet_equals_the_least_lag_of_all_pairs_of_rows_that_overlap() -> None:
     rng = np.random.default_rng(3)
     for _ in range(5):
         turn = np.cumsum(rng.normal(0, 0.08, (2, 60)), axis=1) + rng.uniform(-3, 3, (2, 1))
@@ -178,7 +182,7 @@ def test_pet_equals_the_least_lag_of_all_pairs_of_rows_that_overlap():
         assert post_encroachment_time(a, CAR, b, CAR, dt=0.1, horizon_s=2.0) == pytest.approx(expected)
 
 
-def test_conflicts_of_a_vehicle_closing_in_on_a_leader_and_passing_another_lane():
+def test_conflicts_of_a_vehicle_closing_in_on_a_leader_and_passing_another_lane() -> None:
     dt = 0.1
     ego = trace_table(straight_track(start=(0, 0), heading=0, speed=20.0, n=30, dt=dt), vehicle_id="ego", speed=20.0, dt=dt)
     ahead = straight_track(start=(54.64, 0), heading=0, speed=10.0, n=30, dt=dt)
@@ -200,24 +204,24 @@ def test_conflicts_of_a_vehicle_closing_in_on_a_leader_and_passing_another_lane(
     assert table["overlap"].tolist() == [False, False]
 
 
-def test_conflicts_with_no_traffic_are_an_empty_table_only_if_the_traffic_table_says_who_drove():
+def test_conflicts_with_no_traffic_are_an_empty_table_only_if_the_traffic_table_says_who_drove() -> None:
     ego = trace_table(straight_track(start=(0, 0), heading=0, speed=20.0, n=3, dt=0.1), vehicle_id="ego", speed=20.0, dt=0.1)
     with pytest.raises(TraceError, match="no fixes"):
         conflicts_with_traffic(ego, ego.iloc[:0], dt=0.1)
 
 
-def test_conflicts_refuse_traces_off_the_clock():
+def test_conflicts_refuse_traces_off_the_clock() -> None:
     ego = trace_table(straight_track(start=(0, 0), heading=0, speed=20.0, n=3, dt=0.1), vehicle_id="ego", speed=20.0, dt=0.1)
     with pytest.raises(InputError, match=r"traffic: time_s must be multiples of dt=0.1"):
         conflicts_with_traffic(ego, ego.assign(time_s=ego["time_s"] + 0.03), dt=0.1)
 
 
-def test_conflicts_refuse_traces_without_a_heading():
+def test_conflicts_refuse_traces_without_a_heading() -> None:
     ego = trace_table(straight_track(start=(0, 0), heading=0, speed=20.0, n=3, dt=0.1), vehicle_id="ego", speed=20.0, dt=0.1)
     with pytest.raises(InputError, match="heading_rad missing"):
         conflicts_with_traffic(ego, ego.drop(columns="heading_rad"), dt=0.1)
 
 
-def test_pet_refuses_tracks_of_different_clocks():
+def test_pet_refuses_tracks_of_different_clocks() -> None:
     with pytest.raises(InputError, match="on one clock"):
         post_encroachment_time(np.zeros((3, 3)), CAR, np.zeros((4, 3)), CAR, dt=0.1, horizon_s=5.0)

@@ -20,14 +20,14 @@ def contact(poses):
     return contact_along(poses, vehicle=CAR, layout=LAYOUT)
 
 
-def test_path_along_the_open_lanes_touches_nothing():
+def test_path_along_the_open_lanes_touches_nothing() -> None:
     result = contact(straight(1.0))
     assert result.outcome is Outcome.REACHED_GOAL
     assert result.n_devices_struck == 0
     assert np.isnan(result.first_contact_m)
 
 
-def test_path_straight_on_in_the_closed_lane_ends_where_its_front_meets_the_taper():
+def test_path_straight_on_in_the_closed_lane_ends_where_its_front_meets_the_taper() -> None:
     y = LAYOUT.road.lane_centre(2)
     result = contact(straight(y))
     line = LAYOUT.drivable_left
@@ -37,7 +37,7 @@ def test_path_straight_on_in_the_closed_lane_ends_where_its_front_meets_the_tape
     assert result.first_contact_m == pytest.approx(reaches - 250.0 - CAR.axle_to_bumper_m, abs=0.6)
 
 
-def test_devices_along_the_line_are_all_struck_and_each_counts_once():
+def test_devices_along_the_line_are_all_struck_and_each_counts_once() -> None:
     y, activity = LAYOUT.drivable_left(1000.0), LAYOUT.area("activity area")
     poses = straight(float(y), start=activity.start, end=activity.end - CAR.axle_to_bumper_m)
     rear, front = poses[0, 0] - CAR.rear_overhang_m, poses[-1, 0] + CAR.axle_to_bumper_m
@@ -46,7 +46,7 @@ def test_devices_along_the_line_are_all_struck_and_each_counts_once():
     assert contact(poses).n_devices_struck == (shapely.distance(shapely.points(x, y), swept) <= radius).sum() >= 5
 
 
-def test_path_beyond_the_edge_has_left_the_pavement():
+def test_path_beyond_the_edge_has_left_the_pavement() -> None:
     result = contact(straight(-LAYOUT.road.right_shoulder + 0.5, end=300.0))
     assert result.outcome is Outcome.LEFT_PAVEMENT
     assert result.first_contact_m == 0

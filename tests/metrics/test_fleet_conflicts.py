@@ -61,7 +61,7 @@ drivers = st.lists(
 
 @settings(max_examples=20)
 @given(drivers)
-def test_fleet_conflicts_equal_the_pairwise_twin(cars):
+def test_fleet_conflicts_equal_the_pairwise_twin(cars) -> None:
     traces = pd.concat(
         car(f"v{k}", x=x, y=y, speed=v, heading=h, start=start, n=4, length=length)
         for k, (x, y, v, h, start, length) in enumerate(cars)
@@ -71,19 +71,19 @@ def test_fleet_conflicts_equal_the_pairwise_twin(cars):
     np.testing.assert_allclose(found.iloc[:, 1:].to_numpy(dtype=float), expected, rtol=1e-6, atol=1e-9)
 
 
-def test_following_car_has_hayward_time_and_cooper_deceleration():
+def test_following_car_has_hayward_time_and_cooper_deceleration() -> None:
     traces = pd.concat([car("rear", x=0, speed=20, n=1), car("front", x=54.8, speed=10, n=1)])  # 50 m, closing at 10 m/s
     found = fleet_conflicts(traces, dt=DT).set_index("vehicle_id")
     assert found["min_ttc_s"].to_dict() == pytest.approx({"rear": 5.0, "front": 5.0})
     assert found["max_drac_mps2"].to_dict() == pytest.approx({"rear": 1.0, "front": 1.0})  # 10^2 / (2 x 50)
 
 
-def test_post_encroachment_time_in_car_following_is_the_net_time_gap():
+def test_post_encroachment_time_in_car_following_is_the_net_time_gap() -> None:
     traces = pd.concat([car("rear", x=0, n=20), car("front", x=20 * 1.5 + 4.8, n=20)])
     assert fleet_conflicts(traces, dt=DT)["pet_s"].tolist() == [1.5, 1.5]
 
 
-def test_overlap_of_a_fleet_is_what_each_vehicle_finds_against_the_rest():
+def test_overlap_of_a_fleet_is_what_each_vehicle_finds_against_the_rest() -> None:
     traces = pd.concat([car("a"), car("b", x=9, speed=15), car("c", x=-40, y=3.66, speed=25)])
     found = fleet_conflicts(traces, dt=DT, pet_horizon_s=5.0).set_index("vehicle_id")
     assert found["overlap"].to_dict() == {"a": True, "b": True, "c": False}
@@ -101,8 +101,8 @@ def car_on(road, vehicle_id, *, station, offset, speed):
 
 @pytest.mark.parametrize(("radius_ft", "inner", "outer"), [(1000, 1, 0), (-1000, 0, 1)])
 def test_who_passes_another_on_the_inside_of_a_bend_is_on_a_collision_course_only_if_he_does_not_follow_it(
-    radius_ft, inner, outer
-):
+    radius_ft: int, inner: int, outer: int
+) -> None:
     road = bent_road(radius_ft)
     passing = car_on(road, "passing", station=400, offset=road.lane_centre(inner), speed=27)
     slower = car_on(road, "slower", station=440, offset=road.lane_centre(outer), speed=20)
@@ -117,7 +117,7 @@ def test_who_passes_another_on_the_inside_of_a_bend_is_on_a_collision_course_onl
 
 
 @pytest.mark.parametrize("radius_ft", [1000, -1000, 3000])
-def test_follower_on_a_bend_has_hayward_s_time_of_the_gap_along_it(radius_ft):
+def test_follower_on_a_bend_has_hayward_s_time_of_the_gap_along_it(radius_ft: int) -> None:
     road = bent_road(radius_ft)
     middle = road.travelled_width / 2
     a, b = (car_on(road, name, station=s, offset=middle, speed=v) for name, s, v in (("a", 400, 25), ("b", 440, 20)))
@@ -127,11 +127,11 @@ def test_follower_on_a_bend_has_hayward_s_time_of_the_gap_along_it(radius_ft):
     assert conflicts_with_traffic(a, b, dt=DT, road=road)["min_ttc_s"].tolist() == pytest.approx([hayward_s], rel=0.03)
 
 
-def test_vehicle_alone_on_the_road_is_in_conflict_with_nobody():
+def test_vehicle_alone_on_the_road_is_in_conflict_with_nobody() -> None:
     (row,) = fleet_conflicts(car("a"), dt=DT).itertuples(index=False)
     assert tuple(row) == ("a", False, np.inf, 0.0, np.inf)
 
 
-def test_times_off_the_clock_are_refused():
+def test_times_off_the_clock_are_refused() -> None:
     with pytest.raises(InputError, match=r"multiples of dt=0\.3 s"):
         fleet_conflicts(car("a"), dt=0.3)

@@ -17,7 +17,7 @@ def stream(*, headway_s, speed, until_s=300.0, road_m=1000.0):
     return np.concatenate(fixes).T
 
 
-def test_uniform_stream_has_the_flow_density_and_speed_of_its_headway():
+def test_uniform_stream_has_the_flow_density_and_speed_of_its_headway() -> None:
     grid = space_time_grid(*stream(headway_s=2.0, speed=25.0), dt=DT, cell_s=60, cell_m=500)
     assert grid.flow[2:4] == pytest.approx(np.full((2, 2), 1800))  # 3600 / 2 s
     assert grid.density[2:4] == pytest.approx(np.full((2, 2), 20))  # one car every 50 m
@@ -26,7 +26,7 @@ def test_uniform_stream_has_the_flow_density_and_speed_of_its_headway():
 
 @settings(max_examples=30)
 @given(st.lists(st.tuples(st.floats(0, 95), st.floats(0, 399), st.floats(0, 40)), min_size=1, max_size=40))
-def test_cells_hold_what_a_loop_over_the_fixes_counts(fixes):
+def test_cells_hold_what_a_loop_over_the_fixes_counts(fixes) -> None:
     t, s, v = (np.array(column) for column in zip(*fixes, strict=True))
     grid = space_time_grid(t, s, v, dt=DT, cell_s=10, cell_m=20)
     spent = np.zeros_like(grid.time_spent)
@@ -39,13 +39,13 @@ def test_cells_hold_what_a_loop_over_the_fixes_counts(fixes):
     np.testing.assert_allclose(grid.distance, distance)
 
 
-def test_cell_where_nobody_was_has_no_speed():
+def test_cell_where_nobody_was_has_no_speed() -> None:
     grid = space_time_grid([0.0, 35.0], [10.0, 90.0], [20.0, 10.0], dt=DT, cell_s=10, cell_m=20)
     assert np.isnan(grid.speed[1]).all()
     assert grid.flow[1].sum() == 0
 
 
-def test_table_of_the_grid_has_one_row_a_cell_with_its_start():
+def test_table_of_the_grid_has_one_row_a_cell_with_its_start() -> None:
     grid = space_time_grid([0.0, 35.0], [10.0, 90.0], [20.0, 10.0], dt=DT, cell_s=10, cell_m=20)
     table = grid.table()
     assert len(table) == grid.speed.size
@@ -72,10 +72,10 @@ def grid_of_speeds(speeds):
         ([25, 25, 25, 25, 25, 5], 0),  # slow beyond the bottleneck at 500 m
     ],
 )
-def test_queue_reaches_from_the_bottleneck_to_its_farthest_slow_stretch(speeds, length):
+def test_queue_reaches_from_the_bottleneck_to_its_farthest_slow_stretch(speeds, length: int) -> None:
     assert queue_lengths(grid_of_speeds(speeds), bottleneck=500.0, slow=13.0).tolist() == [length]
 
 
-def test_slow_stretch_far_ahead_of_the_bottleneck_is_not_its_queue():
+def test_slow_stretch_far_ahead_of_the_bottleneck_is_not_its_queue() -> None:
     far = grid_of_speeds([5, 5, 25, 25, 25, 25, 25, 25, 25])
     assert queue_lengths(far, bottleneck=900.0, slow=13.0).tolist() == [0]

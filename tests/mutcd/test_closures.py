@@ -33,7 +33,7 @@ def middle(layout, name):
     return (area.start + area.end) / 2
 
 
-def test_interior_closure_leaves_a_lane_on_each_side_of_the_work():
+def test_interior_closure_leaves_a_lane_on_each_side_of_the_work() -> None:
     layout = interior()
     s = middle(layout, "activity area")
     assert widths_ft(layout, s, "closed_area", "drivable") == [12, 24]
@@ -45,7 +45,7 @@ def test_interior_closure_leaves_a_lane_on_each_side_of_the_work():
     assert np.array(lines_ft) == pytest.approx(np.array([[0, 12], [24, 36]]))
 
 
-def test_interior_closure_merges_then_shifts_by_half_a_merging_taper():
+def test_interior_closure_merges_then_shifts_by_half_a_merging_taper() -> None:
     # 60 mph, 12 ft: L = 720; tangent and shift L/2; stopping sight distance 570; 100 ft downstream a lane.
     areas = {area.name: round(feet_from_metres(area.length), 6) for area in interior().areas}
     assert areas == {
@@ -54,7 +54,7 @@ def test_interior_closure_merges_then_shifts_by_half_a_merging_taper():
     }  # fmt: skip
 
 
-def test_interior_closure_beginning_on_the_right_mirrors_the_one_on_the_left():
+def test_interior_closure_beginning_on_the_right_mirrors_the_one_on_the_left() -> None:
     left = interior(closed_shoulder="left")
     road = paper_road(length_ft=8000, left_shoulder_ft=10, right_shoulder_ft=12)
     right = interior(road, closed_shoulder="right")
@@ -78,7 +78,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_devices_touch_what_they_fence_off_and_stay_out_of_the_drivable_area(name):
+def test_devices_touch_what_they_fence_off_and_stay_out_of_the_drivable_area(name) -> None:
     layout = LAYOUTS[name]()
     overlap = shapely.area(shapely.intersection(layout.device_outlines, layout.drivable))
     assert overlap.max() < 1e-3
@@ -86,14 +86,14 @@ def test_devices_touch_what_they_fence_off_and_stay_out_of_the_drivable_area(nam
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_drivable_area_and_closed_area_do_not_overlap(name):
+def test_drivable_area_and_closed_area_do_not_overlap(name) -> None:
     layout = LAYOUTS[name]()
     assert layout.drivable.intersection(layout.closed_area).area == pytest.approx(0, abs=1e-5)
     assert layout.drivable.difference(layout.pavement).area == pytest.approx(0, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_open_lanes_lie_in_the_drivable_area(name):
+def test_open_lanes_lie_in_the_drivable_area(name) -> None:
     layout = LAYOUTS[name]()
     for lane in layout.lanes:
         if not lane.opposing:
@@ -101,7 +101,7 @@ def test_open_lanes_lie_in_the_drivable_area(name):
             assert strip.difference(layout.drivable).area < 1e-3, lane.index
 
 
-def test_devices_line_an_interior_closure_on_both_sides():
+def test_devices_line_an_interior_closure_on_both_sides() -> None:
     layout = interior()
     area = layout.area("activity area")
     beside = layout.devices[layout.devices["s_m"].between(area.start, area.end)]
@@ -110,7 +110,7 @@ def test_devices_line_an_interior_closure_on_both_sides():
     assert set(np.round(feet_from_metres(inner["d_m"].to_numpy()), 3)) == {round(12 + radius_ft, 3), round(24 - radius_ft, 3)}
 
 
-def test_lane_by_turns_goes_over_to_the_opposing_lane_and_back():
+def test_lane_by_turns_goes_over_to_the_opposing_lane_and_back() -> None:
     layout = by_turns()
     own = next(lane for lane in layout.lanes if not lane.opposing)
     s = np.array([0.0, middle(layout, "activity area"), layout.road.length])
@@ -120,14 +120,14 @@ def test_lane_by_turns_goes_over_to_the_opposing_lane_and_back():
     assert layout.taking_turns.start < layout.area("one-lane two-way taper").start < layout.end < layout.taking_turns.end
 
 
-def test_opposing_lane_is_no_part_of_the_drivable_area_outside_the_shared_lane():
+def test_opposing_lane_is_no_part_of_the_drivable_area_outside_the_shared_lane() -> None:
     layout = by_turns()
     before = (layout.taking_turns.start - 1) / 2
     assert widths_ft(layout, before, "drivable") == [12]
     assert widths_ft(layout, middle(layout, "activity area"), "drivable", "closed_area") == [12, 18]
 
 
-def test_barrier_beside_the_work_is_a_wall_whose_face_lies_on_the_line():
+def test_barrier_beside_the_work_is_a_wall_whose_face_lies_on_the_line() -> None:
     layout = paper_layout(work_space_device="barrier")
     area = layout.area("activity area")
     pieces = layout.devices["kind"] == "barrier"
@@ -139,7 +139,7 @@ def test_barrier_beside_the_work_is_a_wall_whose_face_lies_on_the_line():
     assert (layout.devices[pieces]["length_m"] <= 12.5 * 0.3048 + 1e-9).all()
 
 
-def test_devices_are_missing_where_the_zone_says_so_and_only_there():
+def test_devices_are_missing_where_the_zone_says_so_and_only_there() -> None:
     whole, gappy = paper_layout(), paper_layout(device_gaps_ft=((300, 700),))
     start = whole.start
     missing = whole.devices["s_m"].between(start + 300 * 0.3048, start + 700 * 0.3048)
@@ -185,7 +185,7 @@ def refusal(road=None, **changes):
         ({}, {"device_gaps_ft": ((300, 3400),)}, ["[300, 3400]", "beyond the zone", "3360 ft long"]),
     ],
 )
-def test_zone_that_its_road_has_no_lanes_for_is_refused_with_the_numbers(road, zone, says):
+def test_zone_that_its_road_has_no_lanes_for_is_refused_with_the_numbers(road, zone, says) -> None:
     message = refusal(paper_road(**road), **zone)
     assert all(part in message for part in says), message
 
@@ -200,7 +200,7 @@ def test_zone_that_its_road_has_no_lanes_for_is_refused_with_the_numbers(road, z
         ({"downstream_taper_ft": 20.0}, ["downstream_taper_ft=20.0", "50"]),
     ],
 )
-def test_zone_spec_that_cannot_be_is_refused_with_key_and_rule(changes, says):
+def test_zone_spec_that_cannot_be_is_refused_with_key_and_rule(changes, says) -> None:
     content = paper_work_zone().model_dump(mode="json", exclude_none=True) | changes
     with pytest.raises(SpecError) as refused:
         parse_spec(WorkZone, content, source="zone.toml")
@@ -214,7 +214,7 @@ def unrolled(area, road):
 
 @pytest.mark.parametrize("closed_lanes", [(2,), (1,), (0, 1)])
 @pytest.mark.parametrize("radius_m", [300, -300, 900, -900])
-def test_zone_on_a_bend_has_the_areas_of_the_straight_one_along_its_road(closed_lanes, radius_m):
+def test_zone_on_a_bend_has_the_areas_of_the_straight_one_along_its_road(closed_lanes, radius_m: int) -> None:
     zone = paper_work_zone(start_ft=1000, closed_lanes=closed_lanes, closed_shoulder=None, **UNSHIFTED)
     straight = lay_out(zone, paper_road(length_ft=5900))
     bent = lay_out(zone, bent_road(radius_m / 0.3048, arc_ft=5000))
@@ -226,7 +226,7 @@ def test_zone_on_a_bend_has_the_areas_of_the_straight_one_along_its_road(closed_
 
 
 @pytest.mark.parametrize("radius_m", [300, 900])
-def test_zone_on_a_left_and_on_a_right_bend_cover_twice_the_ground_of_the_straight_one(radius_m):
+def test_zone_on_a_left_and_on_a_right_bend_cover_twice_the_ground_of_the_straight_one(radius_m: int) -> None:
     # What a bend takes from one side of its middle the opposite bend adds, to first order in 1 / R exactly.
     straight = lay_out(paper_work_zone(start_ft=1000), paper_road(length_ft=5900))
     bends = [lay_out(paper_work_zone(start_ft=1000), bent_road(sign * radius_m / 0.3048, arc_ft=5000)) for sign in (1, -1)]

@@ -26,17 +26,17 @@ def discs(layout):
         ("buffer", 570),  # stopping sight distance at 60 mph
     ],
 )
-def test_area_of_the_paper_zone_has_its_printed_length(name, length_ft):
+def test_area_of_the_paper_zone_has_its_printed_length(name: str, length_ft: int) -> None:
     assert feet_from_metres(paper_layout().area(name).length) == pytest.approx(length_ft)
 
 
-def test_areas_of_the_paper_zone_follow_one_another_without_a_gap():
+def test_areas_of_the_paper_zone_follow_one_another_without_a_gap() -> None:
     areas = paper_layout().areas
     assert [a.end for a in areas[:-1]] == pytest.approx([a.start for a in areas[1:]])
     assert feet_from_metres(areas[0].start) == pytest.approx(800)
 
 
-def test_activity_area_of_the_paper_zone_is_36_ft_wide_and_leaves_22_ft_open():
+def test_activity_area_of_the_paper_zone_is_36_ft_wide_and_leaves_22_ft_open() -> None:
     layout = paper_layout()
     area = layout.area("activity area")
     cut = shapely.LineString([((area.start + area.end) / 2, -50), ((area.start + area.end) / 2, 50)])
@@ -46,7 +46,7 @@ def test_activity_area_of_the_paper_zone_is_36_ft_wide_and_leaves_22_ft_open():
     assert widths_ft == pytest.approx([36, 22, 22])
 
 
-def test_open_lanes_beside_the_paper_activity_area_are_11_ft_wide_and_side_by_side():
+def test_open_lanes_beside_the_paper_activity_area_are_11_ft_wide_and_side_by_side() -> None:
     layout = paper_layout()
     area = layout.area("activity area")
     beside = [lane for lane in layout.lanes if lane.start <= area.start and lane.end >= area.end]
@@ -54,13 +54,13 @@ def test_open_lanes_beside_the_paper_activity_area_are_11_ft_wide_and_side_by_si
     assert np.array(lines_ft) == pytest.approx(np.array([[-10, 1], [1, 12]]))
 
 
-def test_merging_taper_of_720_ft_at_60_mph_carries_13_devices():
+def test_merging_taper_of_720_ft_at_60_mph_carries_13_devices() -> None:
     layout = paper_layout()
     taper = layout.area("merging taper")
     assert layout.devices["s_m"].between(taper.start - 1e-6, taper.end + 1e-6).sum() == 13
 
 
-def test_devices_keep_the_spacing_of_their_area():
+def test_devices_keep_the_spacing_of_their_area() -> None:
     layout = paper_layout()
     assert tuple(layout.devices.columns) == DEVICE_COLUMNS
     s_ft = feet_from_metres(layout.devices["s_m"].to_numpy())
@@ -73,7 +73,7 @@ def test_devices_keep_the_spacing_of_their_area():
 
 
 @pytest.mark.parametrize("device", ["cone_28in", "cone_36in", "drum"])
-def test_devices_touch_the_drivable_area_but_do_not_overlap_it(device):
+def test_devices_touch_the_drivable_area_but_do_not_overlap_it(device: str) -> None:
     layout = paper_layout(device=device)
     in_zone = layout.drivable_between(layout.start, layout.end)
     overlap = shapely.area(shapely.intersection(discs(layout), layout.drivable))
@@ -84,7 +84,7 @@ def test_devices_touch_the_drivable_area_but_do_not_overlap_it(device):
     assert gap.max() < 0.01
 
 
-def test_closed_area_drivable_and_pavement_cover_the_road_without_overlap():
+def test_closed_area_drivable_and_pavement_cover_the_road_without_overlap() -> None:
     layout = paper_layout()
     whole = layout.road.length * (layout.road.left_edge + layout.road.right_shoulder)
     assert layout.closed_area.area + layout.pavement.area == pytest.approx(whole)
@@ -94,7 +94,7 @@ def test_closed_area_drivable_and_pavement_cover_the_road_without_overlap():
 
 @pytest.mark.parametrize("shift_ft", [0, 11])
 @pytest.mark.parametrize("closed_count", [1, 2])
-def test_right_closure_of_the_mirrored_road_gives_mirrored_polygons(shift_ft, closed_count):
+def test_right_closure_of_the_mirrored_road_gives_mirrored_polygons(shift_ft: int, closed_count: int) -> None:
     changes = {"shift_ft": shift_ft, "shifted_lane_width_ft": 11 if shift_ft else None}
     road = paper_road(length_ft=8000)
     mirrored_road = paper_road(length_ft=8000, left_shoulder_ft=10, right_shoulder_ft=12)
@@ -108,7 +108,7 @@ def test_right_closure_of_the_mirrored_road_gives_mirrored_polygons(shift_ft, cl
 
 
 @pytest.mark.parametrize("radius_ft", [3000, -3000, 800, -800])
-def test_areas_on_a_bend_match_the_integral_over_the_curved_strip(radius_ft):
+def test_areas_on_a_bend_match_the_integral_over_the_curved_strip(radius_ft: int):
     road = bent_road(radius_ft)
     layout = lay_out(paper_work_zone(start_ft=1000), road)  # all on the arc
     s = np.linspace(layout.start, layout.end, 200_001)
@@ -141,69 +141,69 @@ def parse_refusal(**changes):
     return str(refused.value)
 
 
-def test_closing_all_lanes_is_refused_with_the_lanes():
+def test_closing_all_lanes_is_refused_with_the_lanes() -> None:
     message = refusal(closed_lanes=(0, 1, 2), closed_shoulder=None)
     assert "closed_lanes=(0, 1, 2)" in message
     assert "at least one of lanes 0..2" in message
 
 
-def test_interior_closure_is_refused_with_a_remedy():
+def test_interior_closure_is_refused_with_a_remedy() -> None:
     message = refusal(closed_lanes=(1,), closed_shoulder=None)
     assert "closed_lanes=(1,)" in message
     assert "close the lanes beside it" in message
 
 
-def test_closed_lanes_with_a_gap_are_refused():
+def test_closed_lanes_with_a_gap_are_refused() -> None:
     assert "(0, 2)" in refusal(closed_lanes=(0, 2), closed_shoulder=None)
 
 
 @pytest.mark.parametrize("lane", [-1, 3])
-def test_closing_a_lane_that_the_road_lacks_is_refused(lane):
+def test_closing_a_lane_that_the_road_lacks_is_refused(lane: int) -> None:
     assert "lanes of the road, 0..2" in refusal(closed_lanes=(lane,), closed_shoulder=None)
 
 
-def test_closing_nothing_is_refused():
+def test_closing_nothing_is_refused() -> None:
     assert "nothing is closed" in refusal(closed_lanes=(), closed_shoulder=None, shift_ft=0, shifted_lane_width_ft=None)
 
 
-def test_shoulder_on_the_other_side_than_the_closed_lanes_is_refused():
+def test_shoulder_on_the_other_side_than_the_closed_lanes_is_refused() -> None:
     assert 'closed_shoulder="right"' in refusal(closed_shoulder="right")
 
 
-def test_shift_beyond_the_shoulder_is_refused_with_the_largest_that_fits():
+def test_shift_beyond_the_shoulder_is_refused_with_the_largest_that_fits() -> None:
     # 24 ft of device line - 16 ft shift - 22 ft of lanes = 14 ft past the edge line, 10 ft of shoulder: 4 ft too much.
     message = refusal(shift_ft=16)
     for number in ("shift_ft=16", "22.0 ft", "14.0 ft", "10.0 ft", "at most 12.0 ft"):
         assert number in message
 
 
-def test_road_shorter_than_the_zone_is_refused_with_what_is_missing():
+def test_road_shorter_than_the_zone_is_refused_with_what_is_missing() -> None:
     # 800 + 240 + 720 + 360 + 360 + 570 + 650 + 360 + 100 = 4160 ft.
     message = refusal(road=paper_road(length_ft=4000))
     for number in ("4160 ft", "merging taper 720", "4000 ft", "by 160 ft"):
         assert number in message
 
 
-def test_zone_at_42_mph_is_refused_with_the_posted_speeds_that_can_be():
+def test_zone_at_42_mph_is_refused_with_the_posted_speeds_that_can_be() -> None:
     assert "posted_speed_mph=42.0: the MUTCD gives no taper formula" in refusal(posted_speed_mph=42)
 
 
 @pytest.mark.parametrize("key", ["work_length_ft", "start_ft", "buffer_ft", "shift_ft"])
-def test_negative_length_is_refused_with_file_key_and_value(key):
+def test_negative_length_is_refused_with_file_key_and_value(key: str) -> None:
     assert parse_refusal(**{key: -5.0}).startswith(f"zone.toml: {key}=-5.0: ")
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_length_that_is_not_finite_is_refused(value):
+def test_length_that_is_not_finite_is_refused(value) -> None:
     assert "work_length_ft" in parse_refusal(work_length_ft=value)
 
 
-def test_unknown_key_is_refused_with_the_known_ones():
+def test_unknown_key_is_refused_with_the_known_ones() -> None:
     message = parse_refusal(post_speed_mph=60)
     assert "post_speed_mph: unknown key (given 60)" in message
     assert "posted_speed_mph" in message.split("known here:")[1]
 
 
-def test_missing_key_is_refused_by_name():
+def test_missing_key_is_refused_by_name() -> None:
     with pytest.raises(SpecError, match=r"zone\.toml: work_length_ft: missing"):
         parse_spec(WorkZone, {"posted_speed_mph": 60, "start_ft": 0}, source="zone.toml")

@@ -16,14 +16,14 @@ PRINTED_SPACING_FT = {
 
 
 @pytest.mark.parametrize("road_type", PRINTED_SPACING_FT)
-def test_signs_stand_at_the_printed_distances_ahead_of_the_first_device(road_type):
+def test_signs_stand_at_the_printed_distances_ahead_of_the_first_device(road_type) -> None:
     layout = paper_layout(road_type=road_type)
     ahead = layout.signs[layout.signs["s_m"] < layout.start]["s_m"].drop_duplicates().to_numpy()
     distances_ft = np.diff(feet_from_metres(np.concatenate([ahead, [layout.start]])))
     assert distances_ft[::-1] == pytest.approx(PRINTED_SPACING_FT[road_type])
 
 
-def test_signs_on_a_freeway_stand_on_both_sides_clear_of_the_pavement():
+def test_signs_on_a_freeway_stand_on_both_sides_clear_of_the_pavement() -> None:
     layout = paper_layout()
     assert tuple(layout.signs.columns) == SIGN_COLUMNS
     assert len(layout.signs) == 8
@@ -63,14 +63,14 @@ def test_signs_on_a_freeway_stand_on_both_sides_clear_of_the_pavement():
         ),
     ],
 )
-def test_signs_say_what_is_closed_under_the_manuals_codes(zone, texts, codes):
+def test_signs_say_what_is_closed_under_the_manuals_codes(zone, texts, codes) -> None:
     signs = lay_out(paper_work_zone(road_type="rural", **zone), paper_road(length_ft=8000)).signs
     assert signs["text"].tolist() == [*texts, "END ROAD WORK"]
     assert signs["code"].tolist() == [*codes, "G20-2"]
 
 
 @pytest.mark.parametrize(("control", "nearest"), [("signal", "SIGNAL AHEAD"), ("flaggers", "FLAGGER")])
-def test_both_directions_are_warned_where_they_take_turns(control, nearest):
+def test_both_directions_are_warned_where_they_take_turns(control: str, nearest: str) -> None:
     zone = paper_work_zone(
         posted_speed_mph=45, road_type="rural", closed_lanes=(0,), closed_shoulder="right", shift_ft=0,
         shifted_lane_width_ft=None, one_lane_two_way=control,

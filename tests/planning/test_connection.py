@@ -8,7 +8,7 @@ from wzsumo.planning.lattice import poses_along
 
 
 @pytest.mark.parametrize("word", range(N_WORDS))
-def test_dubins_word_ends_at_the_goal_pose(word):
+def test_dubins_word_ends_at_the_goal_pose(word) -> None:
     rng, solved = np.random.default_rng(word), 0
     for _ in range(300):
         goal, start_heading, radius = rng.uniform([-8, -8, -4], [8, 8, 4]), rng.uniform(-4, 4), rng.uniform(0.5, 3)
@@ -34,7 +34,7 @@ def test_dubins_word_ends_at_the_goal_pose(word):
         ((0, 0, 0), 0),
     ],
 )
-def test_shortest_curve_of_radius_3_has_the_length_of_the_closed_form(goal, length):
+def test_shortest_curve_of_radius_3_has_the_length_of_the_closed_form(goal, length) -> None:
     found = shortest_length(0.0, 0.0, 0.0, np.array(goal, dtype=float), 3.0)
     if goal[0] == -6:  # the closed form is one feasible way; a shorter one may exist
         assert found <= length + 1e-9

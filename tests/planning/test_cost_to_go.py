@@ -27,7 +27,7 @@ def slow_cost_to_go(multiplier, goal, resolution):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_cost_to_go_equals_sweeps_until_nothing_changes(seed):
+def test_cost_to_go_equals_sweeps_until_nothing_changes(seed) -> None:
     rng = np.random.default_rng(seed)
     multiplier = 1 + 8 * rng.random((17, 23)) ** 3
     multiplier[rng.random((17, 23)) < 0.2] = np.inf
@@ -37,7 +37,7 @@ def test_cost_to_go_equals_sweeps_until_nothing_changes(seed):
     np.testing.assert_allclose(cost_to_go(field, dearest=9.0, goal_cell=(8, 11), resolution=0.25), expected, rtol=1e-4)
 
 
-def test_cost_to_go_on_open_ground_is_the_straight_distance_in_every_direction():
+def test_cost_to_go_on_open_ground_is_the_straight_distance_in_every_direction() -> None:
     cost = cost_to_go(bordered(np.ones((201, 201))), dearest=1.0, goal_cell=(100, 100), resolution=0.25)[1:-1, 1:-1]
     row, col = np.mgrid[:201, :201] - 100
     straight = 0.25 * np.hypot(row, col)
@@ -46,7 +46,7 @@ def test_cost_to_go_on_open_ground_is_the_straight_distance_in_every_direction()
     assert (cost[far] / straight[far]).max() < 1.03  # Dijkstra over 8 neighbours: 1.082
 
 
-def test_cost_to_go_is_infinite_behind_a_wall_and_proportional_to_the_multiplier():
+def test_cost_to_go_is_infinite_behind_a_wall_and_proportional_to_the_multiplier() -> None:
     open_ground = np.ones((20, 40))
     open_ground[:, 30] = np.inf
     once = cost_to_go(bordered(open_ground), dearest=1.0, goal_cell=(10, 5), resolution=0.5)

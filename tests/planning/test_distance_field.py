@@ -22,13 +22,13 @@ def slow_distance_field(blocked, resolution, limit_m):
 @given(
     seed=st.integers(0, 10_000), rows=st.integers(1, 25), cols=st.integers(1, 25), share=st.sampled_from([0.0, 0.02, 0.3, 1.0])
 )
-def test_distance_field_equals_the_search_over_all_blocked_squares(seed, rows, cols, share):
+def test_distance_field_equals_the_search_over_all_blocked_squares(seed: int, rows: int, cols: int, share) -> None:
     blocked = np.random.default_rng(seed).random((rows, cols)) < share
     field = distance_field(blocked.astype(np.float32), max_p_occupied=0.196, resolution=0.3, limit_m=2.0)
     np.testing.assert_allclose(field, slow_distance_field(blocked, 0.3, 2.0), atol=1e-6)
 
 
-def test_distance_field_lies_within_half_a_diagonal_of_scipys_between_centres():
+def test_distance_field_lies_within_half_a_diagonal_of_scipys_between_centres() -> None:
     p = (np.random.default_rng(1).random((60, 80)) < 0.01).astype(np.float32)
     field = distance_field(p, max_p_occupied=0.5, resolution=0.25, limit_m=3.0)[15:-15, 15:-15]
     centres = 0.25 * distance_transform_edt(p == 0)[15:-15, 15:-15]
@@ -39,7 +39,7 @@ def test_distance_field_lies_within_half_a_diagonal_of_scipys_between_centres():
 
 
 @pytest.mark.parametrize(("p", "blocked"), [(0.195, False), (0.196, True), (0.5, True)])
-def test_cell_is_blocked_from_the_threshold_on(p, blocked):
+def test_cell_is_blocked_from_the_threshold_on(p: float, blocked: bool) -> None:
     p_occupied = np.zeros((21, 21), dtype=np.float32)
     p_occupied[10, 10] = p
     field = distance_field(p_occupied, max_p_occupied=0.196, resolution=0.5, limit_m=2.0)

@@ -57,7 +57,7 @@ def slow_room(poses, p_occupied, side):
     return np.array(room)
 
 
-def test_room_beside_poses_is_where_shapely_finds_the_first_blocked_cell():
+def test_room_beside_poses_is_where_shapely_finds_the_first_blocked_cell() -> None:
     poses = bent_poses()[::4]
     p = cones(3, beside=bent_poses(), n=400)
     room = room_beside(poses, terrain(p), BODY)
@@ -66,7 +66,7 @@ def test_room_beside_poses_is_where_shapely_finds_the_first_blocked_cell():
     assert (np.abs(room) < 0.5).any(axis=0).all()
 
 
-def test_eased_line_is_the_bounded_least_squares_problems():
+def test_eased_line_is_the_bounded_least_squares_problems() -> None:
     # Along x a line of points with a bend to the left and one to the right, in a tube that is off the middle: only y can move.
     n, step, wavelength_m = 60, 0.5, 12.0
     place = np.arange(n)
@@ -88,7 +88,7 @@ def test_eased_line_is_the_bounded_least_squares_problems():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_eased_path_between_cones_touches_none_and_has_no_jump_of_curvature(seed):
+def test_eased_path_between_cones_touches_none_and_has_no_jump_of_curvature(seed) -> None:
     poses, field = bent_poses(), terrain(cones(seed, beside=bent_poses(), n=200))
     points = eased_points(poses, wavelength_m=25.0, terrain=field, body=BODY)
     eased = poses_through(points, ends=poses[[0, -1], 2])

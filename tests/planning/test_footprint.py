@@ -19,7 +19,7 @@ def random_map(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_outline_is_free_exactly_where_shapely_finds_no_contact(seed):
+def test_outline_is_free_exactly_where_shapely_finds_no_contact(seed) -> None:
     field, cells = random_map(seed)
     body, rng = outline_body(CAR), np.random.default_rng(100 + seed)
     inside = shapely.box(0, 0, 20, 20)
@@ -35,7 +35,7 @@ def test_outline_is_free_exactly_where_shapely_finds_no_contact(seed):
     assert min(checked.values()) > 30
 
 
-def test_margin_widens_the_outline_by_its_width_on_both_sides():
+def test_margin_widens_the_outline_by_its_width_on_both_sides() -> None:
     p = np.zeros((40, 80), dtype=np.float32)
     p[24:] = 1  # blocked from y = 6 m on
     field, body = distance_field(p, max_p_occupied=0.5, resolution=RESOLUTION, limit_m=3.0), outline_body(CAR)
@@ -43,7 +43,7 @@ def test_margin_widens_the_outline_by_its_width_on_both_sides():
     assert not pose_is_free(field, RESOLUTION, body, 5.0, 6 - 0.93 - 0.099, 0.0, 0.1)
 
 
-def test_point_is_free_in_a_free_cell_and_not_in_a_blocked_one_or_off_the_map():
+def test_point_is_free_in_a_free_cell_and_not_in_a_blocked_one_or_off_the_map() -> None:
     field, cells = random_map(5)
     rng = np.random.default_rng(9)
     for x, y in rng.uniform(-1, 21, (300, 2)):
@@ -51,7 +51,7 @@ def test_point_is_free_in_a_free_cell_and_not_in_a_blocked_one_or_off_the_map():
         assert pose_is_free(field, RESOLUTION, POINT_BODY, x, y, 0.3, 0.0) == free
 
 
-def test_discs_cover_the_outline_and_the_inscribed_disc_lies_inside_it():
+def test_discs_cover_the_outline_and_the_inscribed_disc_lies_inside_it() -> None:
     body, outline = outline_body(CAR), shapely.Polygon(CAR.outline((0, 0, 0)))
     discs = shapely.union_all([shapely.Point(x, 0).buffer(body.disc_radius + 1e-3, quad_segs=64) for x in body.disc_offsets])
     assert discs.contains(outline)
@@ -59,7 +59,7 @@ def test_discs_cover_the_outline_and_the_inscribed_disc_lies_inside_it():
 
 
 @pytest.mark.parametrize(("curvature", "step_m"), [(0.02, 1.0), (0.02, 0.48), (0.18, 0.25), (-0.1, 0.5)])
-def test_swept_hull_of_two_outlines_stays_within_the_sweep_margin(curvature, step_m):
+def test_swept_hull_of_two_outlines_stays_within_the_sweep_margin(curvature: float, step_m: float) -> None:
     poses = [(np.sin(curvature * s) / curvature, (1 - np.cos(curvature * s)) / curvature, curvature * s) for s in (0, step_m)]
     margin = sweep_margin(outline_body(CAR), step_m=step_m) * abs(curvature)
     wide = VehicleGeometry(width_m=CAR.width_m + 2 * margin)

@@ -27,7 +27,7 @@ def searched(start, goal, *, p_occupied=None, max_expansions=2000, weight=2.0):
     )
 
 
-def test_search_on_open_ground_goes_straight_to_a_goal_straight_ahead():
+def test_search_on_open_ground_goes_straight_to_a_goal_straight_ahead() -> None:
     outcome, _, segments = searched((10, 20, 0), (110, 20, 0))
     assert outcome == hybrid_astar.FOUND
     assert segments[:, 0].sum() == pytest.approx(100)
@@ -35,19 +35,19 @@ def test_search_on_open_ground_goes_straight_to_a_goal_straight_ahead():
 
 
 @pytest.mark.parametrize("goal", [(110, 25, 0), (105, 12, -0.1), (100, 30, 0.3)])
-def test_segments_of_a_search_lead_to_the_goal_pose(goal):
+def test_segments_of_a_search_lead_to_the_goal_pose(goal) -> None:
     outcome, _, segments = searched((10, 20, 0), goal)
     assert outcome == hybrid_astar.FOUND
     end = poses_along(np.array([10.0, 20.0, 0.0]), segments, max_step_m=1.0)[-1]
     np.testing.assert_allclose(end, goal, atol=1e-6)
 
 
-def test_search_reports_the_limit_after_as_many_expansions():
+def test_search_reports_the_limit_after_as_many_expansions() -> None:
     outcome, n_expansions, segments = searched((10, 20, 0), (110, 20, np.pi), max_expansions=300)
     assert (outcome, n_expansions, len(segments)) == (hybrid_astar.LIMIT_REACHED, 300, 0)
 
 
-def test_search_is_exhausted_where_nothing_can_be_reached():
+def test_search_is_exhausted_where_nothing_can_be_reached() -> None:
     p = np.ones((160, 480))
     p[76:84, 20:200] = 0  # a slot of 2 m, closed ahead
     p[40:120, 240:] = 0
@@ -55,7 +55,7 @@ def test_search_is_exhausted_where_nothing_can_be_reached():
     assert outcome == hybrid_astar.EXHAUSTED
 
 
-def test_queue_gives_its_entries_in_the_order_of_heapq():
+def test_queue_gives_its_entries_in_the_order_of_heapq() -> None:
     rng = np.random.default_rng(3)
     costs, nodes, size, twin = np.empty(512), np.empty(512, dtype=np.int64), 0, []
     for node in range(500):
@@ -71,7 +71,7 @@ def test_queue_gives_its_entries_in_the_order_of_heapq():
     assert size == 0
 
 
-def test_table_finds_what_a_dict_finds_also_after_it_has_grown():
+def test_table_finds_what_a_dict_finds_also_after_it_has_grown() -> None:
     rng = np.random.default_rng(4)
     keys, holders = hybrid_astar._empty_table(64)
     twin = {}
@@ -87,7 +87,7 @@ def test_table_finds_what_a_dict_finds_also_after_it_has_grown():
 
 
 @pytest.mark.parametrize(("speed_curvature", "step_m"), [(0.02, 4.0), (0.2, 0.35 / 0.17)])
-def test_lattice_turns_at_most_20_degrees_a_step_and_checks_to_7_cm(speed_curvature, step_m):
+def test_lattice_turns_at_most_20_degrees_a_step_and_checks_to_7_cm(speed_curvature: float, step_m: float) -> None:
     lattice = lattice_for(BODY, max_curvature=speed_curvature, resolution=0.25, fineness=1)
     assert lattice.step_m == pytest.approx(step_m)
     assert lattice.sweep_margin * lattice.sharpest <= 0.07 + 1e-9

@@ -31,7 +31,7 @@ def squares(mask):
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_clearance_of_one_pose_equals_shapelys_distance_to_blocked_squares_and_the_border(seed):
+def test_clearance_of_one_pose_equals_shapelys_distance_to_blocked_squares_and_the_border(seed) -> None:
     rng = np.random.default_rng(seed)
     p = (rng.random((80, 80)) < 0.002).astype(float)
     pose = rng.uniform([4, 4, -4], [16, 16, 4])
@@ -43,7 +43,7 @@ def test_clearance_of_one_pose_equals_shapelys_distance_to_blocked_squares_and_t
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_largest_p_under_one_pose_equals_that_of_the_squares_that_shapely_intersects(seed):
+def test_largest_p_under_one_pose_equals_that_of_the_squares_that_shapely_intersects(seed) -> None:
     rng = np.random.default_rng(seed)
     p = rng.random((80, 80)) * 0.19
     pose = rng.uniform([5, 5, -4], [15, 15, 4])
@@ -54,13 +54,13 @@ def test_largest_p_under_one_pose_equals_that_of_the_squares_that_shapely_inters
     assert exposure.max_p_occupied == pytest.approx(p[under].max(), abs=1e-6)
 
 
-def test_risk_is_the_length_of_the_path_times_p_where_p_is_the_same_everywhere():
+def test_risk_is_the_length_of_the_path_times_p_where_p_is_the_same_everywhere() -> None:
     poses = np.column_stack([np.linspace(3, 13, 21), np.full(21, 10.0), np.zeros(21)])
     exposure, _ = exposure_of(np.full((80, 80), 0.05), poses)
     assert exposure.risk_m == pytest.approx(0.05 * 10)
 
 
-def test_poses_from_the_first_on_whose_front_reaches_the_wall_touch():
+def test_poses_from_the_first_on_whose_front_reaches_the_wall_touch() -> None:
     p = np.zeros((80, 80))
     p[:, 60] = 1  # a wall from x = 15.00 m on: the front, 3.72 m ahead, is there from x = 11.28 m on
     poses = np.column_stack([np.linspace(5, 14, 91), np.full(91, 10.0), np.zeros(91)])

@@ -39,7 +39,7 @@ def clearances(path, grid):
     return tree.query_nearest(outlines, return_distance=True, all_matches=False)[1]
 
 
-def assert_drivable(plan, *, goal, grid, max_curvature=0.02):
+def assert_drivable(plan, *, goal, grid, max_curvature=0.02) -> None:
     assert plan.status == PlanStatus.FOUND, plan.reason
     path = plan.path
     assert np.diff(path.arc_length).max() <= 0.5
@@ -58,7 +58,7 @@ def assert_drivable(plan, *, goal, grid, max_curvature=0.02):
     ids=["straight", "turned 23 deg", "turned 45 deg", "bend of 300 m", "bend of 900 m"],
 )
 @pytest.mark.parametrize("kind", ["corridor", "cones"])
-def test_plan_through_a_lane_closure_is_smooth_and_keeps_half_a_metre(kind, alignment):
+def test_plan_through_a_lane_closure_is_smooth_and_keeps_half_a_metre(kind: str, alignment) -> None:
     grid, start, goal = work_zone_grid(kind=kind, alignment=alignment)
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())
     assert_drivable(plan, goal=goal, grid=grid)
@@ -66,14 +66,14 @@ def test_plan_through_a_lane_closure_is_smooth_and_keeps_half_a_metre(kind, alig
 
 
 @pytest.mark.parametrize("speed_mps", [3.0, 10.0, 24.0])
-def test_plan_keeps_lateral_acceleration_within_its_limit_at_the_planned_speed(speed_mps):
+def test_plan_keeps_lateral_acceleration_within_its_limit_at_the_planned_speed(speed_mps: float) -> None:
     grid, start, goal = work_zone_grid()
     spec = PlannerSpec(planned_speed_mps=speed_mps)
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=spec)
     assert_drivable(plan, goal=goal, grid=grid, max_curvature=min(2 / speed_mps**2, 1 / CAR.min_turning_radius_m))
 
 
-def test_bend_that_is_too_sharp_for_the_planned_speed_is_planned_for_the_speed_that_it_allows():
+def test_bend_that_is_too_sharp_for_the_planned_speed_is_planned_for_the_speed_that_it_allows() -> None:
     # 60 mph need a radius of 26.8^2 / 2 = 360 m; with half the square of the speed, 19 m/s, it is 180 m.
     grid, start, goal = work_zone_grid(resolution=0.25, alignment=Alignment(radius_m=300.0))
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec(planned_speed_mps=26.8))
@@ -83,13 +83,13 @@ def test_bend_that_is_too_sharp_for_the_planned_speed_is_planned_for_the_speed_t
     assert np.abs(plan.path.curvature).max() > 2.0 / 26.8**2
 
 
-def test_reported_clearance_equals_shapelys():
+def test_reported_clearance_equals_shapelys() -> None:
     grid, start, goal = work_zone_grid()
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())
     assert plan.min_clearance_m == pytest.approx(clearances(plan.path, grid).min(), abs=1e-6)
 
 
-def test_papers_point_on_an_inflated_map_passes_where_the_car_does_not_fit():
+def test_papers_point_on_an_inflated_map_passes_where_the_car_does_not_fit() -> None:
     grid = corridor(1.75, resolution=0.125)
     paper = PlannerSpec(body="point", inflation_radius_m=0.7)
     plan = plan_path(grid, start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=paper)
@@ -100,13 +100,13 @@ def test_papers_point_on_an_inflated_map_passes_where_the_car_does_not_fit():
 
 @pytest.mark.parametrize("name", ["start", "goal"])
 @pytest.mark.parametrize("pose", [(-1.0, 20.0, 0.0), (10.0, 1e9, 0.0), (np.nan, 20.0, 0.0)])
-def test_pose_off_the_map_is_refused_with_its_numbers(name, pose):
+def test_pose_off_the_map_is_refused_with_its_numbers(name: str, pose) -> None:
     poses = {"start": STRAIGHT[0], "goal": STRAIGHT[1], name: pose}
     with pytest.raises(MapError, match=rf"{name} \(.*(map|finite)"):
         plan_path(corridor(4), **poses, vehicle=CAR, spec=PlannerSpec())
 
 
-def test_map_beyond_the_size_limit_is_refused_with_both_numbers():
+def test_map_beyond_the_size_limit_is_refused_with_both_numbers() -> None:
     row = np.zeros((1, 10_000), dtype=np.float32)
     grid = grid_of(np.zeros((2, 2)))
     object.__setattr__(grid, "p_occupied", np.broadcast_to(row, (10_000, 10_000)))
@@ -136,13 +136,13 @@ def walled(gap_m):
     ],
     ids=["all occupied", "slot", "goal across", "goal in wall", "goal at edge", "wall", "gap 1 m", "gap 3 m", "all free"],
 )
-def test_status_on_simple_maps(grid, start, goal, status):
+def test_status_on_simple_maps(grid, start, goal, status) -> None:
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())
     assert plan.status == status
     assert (plan.path is None) == (plan.reason != "") == (status != "FOUND")
 
 
-def test_goal_against_the_direction_of_a_corridor_ends_without_a_path_within_the_limit():
+def test_goal_against_the_direction_of_a_corridor_ends_without_a_path_within_the_limit() -> None:
     spec = PlannerSpec(max_expansions=3000)
     plan = plan_path(corridor(4), start=STRAIGHT[0], goal=(140.0, 20.0, np.pi), vehicle=CAR, spec=spec)
     assert plan.status in {PlanStatus.NO_PATH, PlanStatus.LIMIT_REACHED}
@@ -151,21 +151,21 @@ def test_goal_against_the_direction_of_a_corridor_ends_without_a_path_within_the
 
 
 @pytest.mark.parametrize("speed_mps", [0.0, 60.0])
-def test_extreme_speeds_are_planned_on_a_straight_corridor(speed_mps):
+def test_extreme_speeds_are_planned_on_a_straight_corridor(speed_mps: float) -> None:
     plan = plan_path(
         corridor(4), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=PlannerSpec(planned_speed_mps=speed_mps)
     )
     assert_drivable(plan, goal=STRAIGHT[1], grid=corridor(4))
 
 
-def test_corridor_a_hand_wider_than_the_car_is_driven_without_contact():
+def test_corridor_a_hand_wider_than_the_car_is_driven_without_contact() -> None:
     grid = corridor(2.0)
     assert_drivable(
         plan_path(grid, start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=PlannerSpec()), goal=STRAIGHT[1], grid=grid
     )
 
 
-def test_plans_from_a_kept_field_equal_plans_made_at_once():
+def test_plans_from_a_kept_field_equal_plans_made_at_once() -> None:
     grid, start, goal = work_zone_grid()
     field = prepare(grid, goal=goal, vehicle=CAR, spec=PlannerSpec())
     for x in (start[0], 60.0, 500.0):
@@ -176,7 +176,7 @@ def test_plans_from_a_kept_field_equal_plans_made_at_once():
         assert dataclasses.replace(kept, timings_ms={}, path=None) == dataclasses.replace(fresh, timings_ms={}, path=None)
 
 
-def test_path_moves_with_the_maps_origin():
+def test_path_moves_with_the_maps_origin() -> None:
     grid, start, goal = work_zone_grid()
     here = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())
     far = grid_of(grid.p_occupied, origin=(4096.0, -8192.0))
@@ -185,7 +185,7 @@ def test_path_moves_with_the_maps_origin():
     np.testing.assert_allclose(there.path.poses - shift, here.path.poses, atol=1e-6)
 
 
-def test_path_goes_round_cells_that_are_likely_but_not_certainly_occupied():
+def test_path_goes_round_cells_that_are_likely_but_not_certainly_occupied() -> None:
     y, x = (np.mgrid[:160, :600] + 0.5) * 0.25
     p = 0.19 * np.exp(-(((y - 20) / 3) ** 2)) * (np.abs(x - 75) < 15)  # a hump on the straight way, below the threshold
     plan = plan_path(grid_of(p), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=PlannerSpec())
@@ -195,7 +195,7 @@ def test_path_goes_round_cells_that_are_likely_but_not_certainly_occupied():
     assert plan.risk_m < 0.75 * blind.risk_m
 
 
-def test_unknown_cells_are_not_free():
+def test_unknown_cells_are_not_free() -> None:
     p = np.full((160, 600), 0.5, dtype=np.float32)
     assert (
         plan_path(grid_of(p), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=PlannerSpec()).status == "START_OCCUPIED"
@@ -204,7 +204,7 @@ def test_unknown_cells_are_not_free():
     assert plan_path(grid_of(p), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=bold).status == "FOUND"
 
 
-def test_way_that_was_found_in_haste_is_looked_for_again_with_care():
+def test_way_that_was_found_in_haste_is_looked_for_again_with_care() -> None:
     grid, start, goal = work_zone_grid(resolution=0.25, kind="cones")
     plans = [
         plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec(max_expansions=n)) for n in (100_000, 20_000)
@@ -226,7 +226,7 @@ KERNELS = (
 )
 
 
-def test_odd_but_valid_input_plans_the_same_path_with_no_further_compilation():
+def test_odd_but_valid_input_plans_the_same_path_with_no_further_compilation() -> None:
     p = corridor(4, resolution=1.0).p_occupied
     expected = plan_path(grid_of(p, 1.0), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=PlannerSpec())
     compile_kernels()
@@ -240,7 +240,7 @@ def test_odd_but_valid_input_plans_the_same_path_with_no_further_compilation():
 
 
 @pytest.mark.parametrize("distance_m", [0.0, 0.3, 3.0])
-def test_goal_at_or_just_ahead_of_the_start_is_reached_on_a_straight(distance_m):
+def test_goal_at_or_just_ahead_of_the_start_is_reached_on_a_straight(distance_m: float) -> None:
     goal = (10.0 + distance_m, 20.0, 0.0)
     plan = plan_path(corridor(4), start=STRAIGHT[0], goal=goal, vehicle=CAR, spec=PlannerSpec())
     assert plan.status == "FOUND"
@@ -248,7 +248,7 @@ def test_goal_at_or_just_ahead_of_the_start_is_reached_on_a_straight(distance_m)
     np.testing.assert_allclose(plan.path.poses[-1], goal, atol=1e-6)
 
 
-def test_timings_of_a_kept_field_count_for_the_first_plan_alone():
+def test_timings_of_a_kept_field_count_for_the_first_plan_alone() -> None:
     grid, start, goal = work_zone_grid()
     field = prepare(grid, goal=goal, vehicle=CAR, spec=PlannerSpec())
     again = plan_from(field, start=start).timings_ms
@@ -259,7 +259,7 @@ def test_timings_of_a_kept_field_count_for_the_first_plan_alone():
         assert timings["total"] == pytest.approx(sum(value for key, value in timings.items() if key != "total"))
 
 
-def test_path_through_two_open_lanes_does_not_weave_between_them():
+def test_path_through_two_open_lanes_does_not_weave_between_them() -> None:
     # Free space 7.25 m wide, the ends nearer to its edge than is preferred: away from it once and back, at most twice 3.7 m.
     p = np.ones((80, 4000), dtype=np.float32)
     p[20:49, :] = 0.0

@@ -59,7 +59,7 @@ def clearances(poses, grid):
 
 @settings(max_examples=40)
 @given(corridors())
-def test_path_through_a_random_corridor_keeps_every_promise(corridor):
+def test_path_through_a_random_corridor_keeps_every_promise(corridor) -> None:
     grid, start, goal, roomy = corridor
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=SPEC)
     if plan.path is None:

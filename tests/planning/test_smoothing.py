@@ -44,7 +44,7 @@ def slow_smooth(points, headings, stiffness):
 
 
 @pytest.mark.parametrize("wavelength_m", [4.0, 15.0, 40.0])
-def test_smoothing_far_from_obstacles_equals_one_dense_least_squares_problem(wavelength_m):
+def test_smoothing_far_from_obstacles_equals_one_dense_least_squares_problem(wavelength_m: float) -> None:
     poses = poses_along(np.array([15.0, 15.0, 0.1]), LANE_CHANGE, max_step_m=0.5)
     headings = (poses[0, 2], poses[-1, 2])
     found = smooth(
@@ -60,7 +60,7 @@ def test_smoothing_far_from_obstacles_equals_one_dense_least_squares_problem(wav
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
-def test_straight_line_stays_straight():
+def test_straight_line_stays_straight() -> None:
     poses = poses_along(np.array([10.0, 20.0, 0.0]), np.array([(70.0, 0.0)]), max_step_m=0.5)
     found = smooth(
         poses[:, :2],
@@ -73,7 +73,7 @@ def test_straight_line_stays_straight():
     np.testing.assert_allclose(found, poses[:, :2], atol=1e-9)
 
 
-def test_path_off_the_middle_of_a_corridor_moves_there():
+def test_path_off_the_middle_of_a_corridor_moves_there() -> None:
     p = np.ones((160, 400))
     p[72:86] = 0  # 3.5 m wide, middle at y = 19.75 m
     poses = poses_along(np.array([10.0, 19.3, 0.0]), np.array([(75.0, 0.0)]), max_step_m=0.5)
@@ -88,7 +88,7 @@ def test_path_off_the_middle_of_a_corridor_moves_there():
     np.testing.assert_allclose(found[40:-40, 1], 19.75, atol=0.05)
 
 
-def test_smoothed_poses_keep_both_end_poses_and_the_limits_of_curvature():
+def test_smoothed_poses_keep_both_end_poses_and_the_limits_of_curvature() -> None:
     poses = poses_along(np.array([15.0, 15.0, 0.1]), LANE_CHANGE, max_step_m=0.48)
     found = smoothed_poses(
         poses, terrain=terrain(), body=BODY, preferred_clearance_m=1.0, max_curvature=0.02, max_curvature_jump=0.002
@@ -100,7 +100,7 @@ def test_smoothed_poses_keep_both_end_poses_and_the_limits_of_curvature():
     assert np.abs(np.diff(ReferencePath(poses=poses).curvature)).max() > 0.008
 
 
-def test_place_where_clearance_would_take_too_sharp_a_bend_costs_none_elsewhere():
+def test_place_where_clearance_would_take_too_sharp_a_bend_costs_none_elsewhere() -> None:
     p = np.zeros((160, 800))
     p[:74, 120:320] = 1  # up to y = 18.5 m, for 50 m: 0.57 m beside a body at y = 20 m
     p[:76, 500:504] = 1  # up to y = 19.0 m, for 1 m: 0.07 m

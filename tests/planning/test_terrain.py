@@ -38,7 +38,7 @@ def distances(points, lines):
 
 @settings(max_examples=40)
 @given(ends=st.lists(st.tuples(coordinate, coordinate, coordinate, coordinate), min_size=1, max_size=4))
-def test_off_guide_equals_the_distance_of_cell_centres_from_the_lines(ends):
+def test_off_guide_equals_the_distance_of_cell_centres_from_the_lines(ends) -> None:
     grid = OccupancyGrid(p_occupied=np.zeros((40, 40), dtype=np.float32), resolution=0.25, origin=(0.0, 0.0))
     lines = np.array(ends).reshape(-1, 2, 2)
     off = off_guide(lines, grid=grid, slack_m=0.5, reach_m=2.0)
@@ -52,13 +52,13 @@ def test_off_guide_equals_the_distance_of_cell_centres_from_the_lines(ends):
     assert (off[exact > 2.0 + 0.25 * np.sqrt(2)] == 1).all()
 
 
-def test_map_without_a_line_near_it_is_off_the_guide_everywhere():
+def test_map_without_a_line_near_it_is_off_the_guide_everywhere() -> None:
     grid = OccupancyGrid(p_occupied=np.zeros((20, 20), dtype=np.float32), resolution=0.25, origin=(0.0, 0.0))
     assert (off_guide(np.array([[(100.0, 100.0), (120.0, 100.0)]]), grid=grid, slack_m=0.0, reach_m=1.83) == 1).all()
 
 
 @pytest.mark.parametrize("lane", [RIGHT, LEFT])
-def test_path_between_two_points_of_a_lane_stays_in_it(lane):
+def test_path_between_two_points_of_a_lane_stays_in_it(lane) -> None:
     guide = lane_lines(RIGHT, LEFT)
     plan = plan_path(
         two_lane_road(), start=(10.0, lane, 0.0), goal=(180.0, lane, 0.0), vehicle=CAR, spec=PlannerSpec(), guide=guide
@@ -67,13 +67,13 @@ def test_path_between_two_points_of_a_lane_stays_in_it(lane):
     assert np.abs(plan.path.poses[:, 1] - lane).max() < 0.4
 
 
-def test_path_without_a_guide_is_drawn_to_the_middle_of_a_road_that_is_narrower_than_it_likes():
+def test_path_without_a_guide_is_drawn_to_the_middle_of_a_road_that_is_narrower_than_it_likes() -> None:
     spec = PlannerSpec(preferred_clearance_m=3.0)
     plan = plan_path(two_lane_road(), start=(10.0, RIGHT, 0.0), goal=(180.0, RIGHT, 0.0), vehicle=CAR, spec=spec)
     assert np.abs(plan.path.poses[:, 1] - (RIGHT + LEFT) / 2).min() < 0.4
 
 
-def test_path_to_the_other_lane_changes_once_and_quickly():
+def test_path_to_the_other_lane_changes_once_and_quickly() -> None:
     guide = lane_lines(RIGHT, LEFT)
     plan = plan_path(
         two_lane_road(), start=(10.0, RIGHT, 0.0), goal=(180.0, LEFT, 0.0), vehicle=CAR, spec=PlannerSpec(), guide=guide
@@ -84,7 +84,7 @@ def test_path_to_the_other_lane_changes_once_and_quickly():
     assert np.diff(np.sign(y - (RIGHT + LEFT) / 2)).astype(bool).sum() == 1
 
 
-def test_guide_that_leads_through_an_obstacle_is_left():
+def test_guide_that_leads_through_an_obstacle_is_left() -> None:
     grid = two_lane_road()
     blocked = grid.p_occupied.copy()
     blocked[: int((4 + LANE) / 0.25), 380:420] = 1  # 10 m of the right lane

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from builders import paper_layout
@@ -13,7 +15,7 @@ from wzsumo.report.tables import goal_rows
 
 
 @pytest.fixture
-def run(tmp_path):
+def run(tmp_path: Path):
     """Two maps of the paper's zone, free everywhere, and a path on each to the own lane, on one to the open lane too."""
     (tmp_path / "maps").mkdir()
     (tmp_path / "paths").mkdir()
@@ -31,25 +33,25 @@ def labels_of(figure):
     return {text.get_text() for text in figure.legends[0].get_texts()}
 
 
-def test_every_baseline_has_a_row_with_both_its_paths(run):
+def test_every_baseline_has_a_row_with_both_its_paths(run) -> None:
     figure = draw_baseline_paths(run, ["slam_raw", "hd_map"])
     assert len(figure.axes) == 2
     assert [len(axes.lines) for axes in figure.axes] == [2, 0]
     assert {"path to the ego's own lane", "path to the open lane", "drivable area", "free"} <= labels_of(figure)
 
 
-def test_crowd_and_slam_stand_in_one_figure_with_the_truth(run):
+def test_crowd_and_slam_stand_in_one_figure_with_the_truth(run) -> None:
     figure = draw_crowd_and_slam(run, "swept", "slam_raw")
     assert labels_of(figure) >= {"free by the crowd (swept)", "occupied by slam_raw", "drivable area (truth)", "path on swept"}
 
 
-def test_best_method_is_one_of_the_crowd_even_where_a_baseline_scores_higher():
+def test_best_method_is_one_of_the_crowd_even_where_a_baseline_scores_higher() -> None:
     methods = {"swept": {"outcome": "REACHED_GOAL", "iou": 0.7}, "slam_barrier": {"outcome": "REACHED_GOAL", "iou": 0.9}}
     assert best_method(methods) == "swept"
     assert best_method({"slam_barrier": methods["slam_barrier"]}) is None
 
 
-def test_goal_rows_say_what_the_path_to_each_goal_does_and_dash_what_there_is_not():
+def test_goal_rows_say_what_the_path_to_each_goal_does_and_dash_what_there_is_not() -> None:
     goals = {
         "own_lane": {"planned_outcome": "STRUCK_DEVICE", "closed_area_share": 0.425, "n_devices_struck": 8},
         "open_lane": {"planned_outcome": "NO_PATH", "closed_area_share": None, "n_devices_struck": None},

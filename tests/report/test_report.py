@@ -1,6 +1,7 @@
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -23,7 +24,7 @@ DRIVABLE, CLOSED = shapely.box(0, 0, 600, 7.2), shapely.box(100, 7.2, 500, 12)
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory: pytest.TempPathFactory):
     """A run of two methods over a zone from x = 100 to 500 m; only "swept" found a path and drove it."""
     folder, random = tmp_path_factory.mktemp("run"), np.random.default_rng(1)
     for name in ("maps", "paths", "drives"):
@@ -98,7 +99,7 @@ def _feature(geometry, **properties):
     return {"type": "Feature", "geometry": mapping(geometry), "properties": properties}
 
 
-def _write_json(path, content):
+def _write_json(path, content) -> None:
     path.write_text(json.dumps(content), encoding="utf-8")
 
 
@@ -106,7 +107,7 @@ def _cells(page):
     return [re.findall(r"<td[^>]*>(.*?)</td>", row, flags=re.S) for row in re.findall(r"<tr[^>]*>(.*?)</tr>", page, flags=re.S)]
 
 
-def test_figures_of_a_run_are_written_once_for_each_method_that_has_them(folder, page):
+def test_figures_of_a_run_are_written_once_for_each_method_that_has_them(folder, page) -> None:
     assert sorted(path.stem for path in (folder / "figures").iterdir()) == STEMS
     for stem in STEMS:
         with Image.open(folder / "figures" / f"{stem}.png") as image:
@@ -114,25 +115,25 @@ def test_figures_of_a_run_are_written_once_for_each_method_that_has_them(folder,
             assert len(image.convert("RGB").getcolors(maxcolors=1 << 24)) > 20
 
 
-def test_page_has_no_address_outside_itself_and_every_figure_inlined(page):
+def test_page_has_no_address_outside_itself_and_every_figure_inlined(page) -> None:
     sources = re.findall(r"""<[a-z][^>]*?\s(?:src|href)\s*=\s*["']?([^"'\s>]{0,30})""", page)
     assert len(sources) == len(STEMS)
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert not re.search(r"https?://|url\(|@import|<script", page)
 
 
-def test_hostile_names_in_a_run_are_escaped(page):
+def test_hostile_names_in_a_run_are_escaped(page) -> None:
     assert HOSTILE not in page
     assert page.count("&lt;img src=x onerror=alert(1)&gt;") >= 3  # title, reason of the failure, reason of "not run"
 
 
-def test_answer_names_the_best_method_with_its_numbers(page):
+def test_answer_names_the_best_method_with_its_numbers(page) -> None:
     answer = re.search(r'<p class="answer">(.*?)</p>', page, flags=re.S).group(1)
     for text in ("<strong>Yes</strong>", "“swept”", "reached goal", "98.77 %", "75.43 %", "71.00 %", "1.297 m", "3.500 m"):
         assert text in answer
 
 
-def test_comparison_sets_the_numbers_of_the_paper_beside_those_of_the_run(page):
+def test_comparison_sets_the_numbers_of_the_paper_beside_those_of_the_run(page) -> None:
     cells = _cells(page)
     assert ["Precision of the map", "90.08 %", "98.77 %"] in cells
     assert ["Components K of the mixture", "15", "2"] in cells
@@ -140,7 +141,7 @@ def test_comparison_sets_the_numbers_of_the_paper_beside_those_of_the_run(page):
     assert ["Share of the driven path in the closed area", "left out", "0.00 %"] in cells
 
 
-def test_method_without_path_shows_dashes_and_its_reason(page):
+def test_method_without_path_shows_dashes_and_its_reason(page) -> None:
     cells = _cells(page)
     at = next(at for at, row in enumerate(cells) if row and row[0] == "literal")
     row, reason = cells[at], cells[at + 1]
@@ -150,11 +151,11 @@ def test_method_without_path_shows_dashes_and_its_reason(page):
     assert row[4:] == ["-", "-", "90.00 %", *["-"] * 7]
 
 
-def test_methods_that_were_not_run_have_a_row_that_says_so(page):
+def test_methods_that_were_not_run_have_a_row_that_says_so(page) -> None:
     assert any(row[0] == "LiDAR SLAM baseline" and row[1].startswith("not run: no LiDAR") for row in _cells(page) if row)
 
 
-def test_best_method_prefers_one_that_arrived_over_a_better_map():
+def test_best_method_prefers_one_that_arrived_over_a_better_map() -> None:
     methods = {
         "a": {"outcome": "NO_PATH", "iou": 0.9},
         "b": {"outcome": "REACHED_GOAL", "iou": 0.5},
@@ -165,7 +166,7 @@ def test_best_method_prefers_one_that_arrived_over_a_better_map():
     assert best_method({}) is None
 
 
-def test_truth_on_a_map_counts_the_cells_of_the_drivable_area_within_the_zone(folder):
+def test_truth_on_a_map_counts_the_cells_of_the_drivable_area_within_the_zone(folder) -> None:
     run = read_result_folder(folder)
     zone, truth = run.truth_on(run.map_of("swept"))
     assert zone.sum() == 400 * 13 / 0.25**2
@@ -173,26 +174,26 @@ def test_truth_on_a_map_counts_the_cells_of_the_drivable_area_within_the_zone(fo
     assert (zone | ~truth).all()
 
 
-def test_stretch_of_an_axis_is_the_ratio_of_its_two_scales():
+def test_stretch_of_an_axis_is_the_ratio_of_its_two_scales() -> None:
     _, (axes,) = new_figure(1, row_height=1.6)
     axes.set(xlim=(0, 950.25), ylim=(0, 16))  # 10.5 in * 0.905 = 9.5025 in for 950.25 m; 1.6 in for 16 m: 1 to 10
     state_stretch(axes)
     assert axes.get_xlabel() == "station [m]  (the offset is stretched 10.0 : 1)"
 
 
-def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder, tmp_path):
+def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder, tmp_path: Path) -> None:
     run = read_result_folder(folder)
     assert run.vehicle.width_m == 1.86
     (tmp_path / "scenario.toml").write_text("[vehicle]\nwidth_m = 2.5\n")
     assert replace(run, folder=tmp_path).vehicle.width_m == 2.5
 
 
-def test_folder_without_a_run_is_refused_with_the_files_it_lacks(tmp_path):
+def test_folder_without_a_run_is_refused_with_the_files_it_lacks(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"result\.json, .*samples\.csv missing"):
         write_report(tmp_path)
 
 
-def test_broken_result_file_is_refused_by_name(folder, tmp_path):
+def test_broken_result_file_is_refused_by_name(folder, tmp_path: Path) -> None:
     for path in folder.iterdir():
         if path.is_file():
             (tmp_path / path.name).write_bytes(path.read_bytes())

@@ -1,4 +1,5 @@
 import re
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -27,7 +28,7 @@ def evaluate(fleet, cases):
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory: pytest.TempPathFactory):
     out = tmp_path_factory.mktemp("study")
     study = a_study(
         methods=("swept", "lanes", "hd_map"),
@@ -52,7 +53,7 @@ def page(folder):
     return (folder / "report.html").read_text()
 
 
-def test_page_says_how_many_traces_each_method_needs_at_each_error(page):
+def test_page_says_how_many_traces_each_method_needs_at_each_error(page) -> None:
     answer = re.search(r'<div class="answer">(.*?)</div>', page, flags=re.S).group(1)
     for text in ("swept at a GNSS error of 0 m: 2 trace(s)", "swept at a GNSS error of 1 m: 3 trace(s)"):
         assert text in answer, answer
@@ -60,7 +61,7 @@ def test_page_says_how_many_traces_each_method_needs_at_each_error(page):
     assert "hd_map at" not in answer
 
 
-def test_page_stands_alone_and_escapes_what_a_case_says(page):
+def test_page_stands_alone_and_escapes_what_a_case_says(page) -> None:
     sources = re.findall(r"""<[a-z][^>]*?\s(?:src|href)\s*=\s*["']?([^"'\s>]{0,30})""", page)
     assert len([source for source in sources if source.startswith("data:image/png;base64,")]) == 4
     assert all(source.startswith(("data:image/png;base64,", "cases/")) for source in sources)
@@ -69,21 +70,21 @@ def test_page_stands_alone_and_escapes_what_a_case_says(page):
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
 
 
-def test_page_lists_every_case_by_name_and_links_the_one_that_was_run_alone(folder, page):
+def test_page_lists_every_case_by_name_and_links_the_one_that_was_run_alone(folder, page) -> None:
     first, *others = read_results(folder)["case"]
     assert len(others) == 95
     assert set(re.findall(r'class="case">(\w+)<', page)) == set(others)
     assert f'<a href="cases/{first}/report.html">{first}</a>' in page
 
 
-def test_figures_are_what_the_factors_allow(folder):
+def test_figures_are_what_the_factors_allow(folder) -> None:
     assert sorted(path.stem for path in (folder / "figures").iterdir()) == ["methods", "minutes", "outcome", "quality"]
     for path in (folder / "figures").iterdir():
         with Image.open(path) as image:
             assert image.width == 1575  # 10.5 in at 150 dpi
 
 
-def test_summary_table_gives_the_means_of_the_cases(folder):
+def test_summary_table_gives_the_means_of_the_cases(folder) -> None:
     summary = pd.read_csv(folder / "tables" / "summary.csv")
     cell = summary[(summary["measure"] == "iou") & (summary["method"] == "lanes") & (summary["crowd.used"] == 3)]
     expected = 3 / 5 - 0.1 * cell["gnss.error_m"] + 0.01 * 1.5  # seeds 1 and 2
@@ -92,6 +93,6 @@ def test_summary_table_gives_the_means_of_the_cases(folder):
     assert {path.suffix for path in (folder / "tables").iterdir()} == {".csv", ".md", ".parquet", ".tex"}
 
 
-def test_report_of_a_study_without_results_is_refused(tmp_path):
+def test_report_of_a_study_without_results_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no study\.json"):
         write_sweep_report(tmp_path)

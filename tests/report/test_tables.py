@@ -13,13 +13,13 @@ from wzsumo.report.tables import traffic_rows
 LAYOUT = {"areas": [{"name": "merging taper", "start_m": 200, "end_m": 400}, {"name": "work $", "start_m": 400, "end_m": 800}]}
 
 
-def test_rows_carry_their_unit_and_a_dash_where_nothing_was_measured():
+def test_rows_carry_their_unit_and_a_dash_where_nothing_was_measured() -> None:
     rows = dict(traffic_rows({"throughput_vph": 1370.77, "queue_discharge_vph": None, "nox_g_per_vkm": 0.0939}))
     assert list(rows.values()) == ["1371 veh/h", "-", "0.094 g per veh km"]
     assert traffic_rows({}) == []
 
 
-def test_space_time_diagram_shows_every_cell_at_its_time_and_station(tmp_path):
+def test_space_time_diagram_shows_every_cell_at_its_time_and_station(tmp_path: Path) -> None:
     time, station = np.meshgrid(np.arange(0, 60, 10.0), np.arange(0, 1000, 20.0), indexing="ij")
     speed = np.where(station < 300, 5.0, 25.0)
     speed[0, 10:] = np.nan
@@ -37,7 +37,7 @@ def test_space_time_diagram_shows_every_cell_at_its_time_and_station(tmp_path):
     assert mesh.get_clim() == (0, pytest.approx(25))
 
 
-def test_page_of_measures_names_every_figure_and_column_of_a_run():
+def test_page_of_measures_names_every_figure_and_column_of_a_run() -> None:
     page = (Path(__file__).parents[2] / "docs" / "traffic_measures.md").read_text(encoding="utf-8")
     figures = [field.name for field in fields(TrafficSummary)]
     assert {
@@ -45,6 +45,6 @@ def test_page_of_measures_names_every_figure_and_column_of_a_run():
     } == set()
 
 
-def test_every_figure_of_a_run_has_a_row_in_the_report():
+def test_every_figure_of_a_run_has_a_row_in_the_report() -> None:
     figures = [field.name for field in fields(TrafficSummary)]
     assert len(traffic_rows(dict.fromkeys(figures, 1.0))) == len(figures)

@@ -25,7 +25,7 @@ def library(test):
 
 
 @library
-def test_scenario_is_named_after_its_file_and_says_what_it_is_for(path):
+def test_scenario_is_named_after_its_file_and_says_what_it_is_for(path) -> None:
     assert load_scenario(path).name == path.stem
     first = path.read_text(encoding="utf-8").splitlines()[0]
     assert first.startswith("# ")
@@ -33,7 +33,7 @@ def test_scenario_is_named_after_its_file_and_says_what_it_is_for(path):
 
 
 @library
-def test_scenario_is_laid_out_with_its_devices_on_the_pavement_and_its_ego_on_the_road(path):
+def test_scenario_is_laid_out_with_its_devices_on_the_pavement_and_its_ego_on_the_road(path) -> None:
     scenario = load_scenario(path)
     layout = scenario.layout()
     road = layout.road
@@ -46,7 +46,7 @@ def test_scenario_is_laid_out_with_its_devices_on_the_pavement_and_its_ego_on_th
 
 
 @library
-def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_path):
+def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_path: Path) -> None:
     scenario = load_scenario(path)
     layout = scenario.layout()
     write_sumo_files(layout, tmp_path, spec=scenario.zone_simulation(), seed=scenario.seed)
@@ -77,14 +77,14 @@ FITTED = {
 
 
 @pytest.mark.parametrize(("preset", "name"), [(preset, name) for preset, names in FITTED.items() for name in names])
-def test_scenario_of_a_fitted_class_drives_with_the_drivers_of_that_class_and_keeps_their_name(preset, name):
+def test_scenario_of_a_fitted_class_drives_with_the_drivers_of_that_class_and_keeps_their_name(preset, name) -> None:
     scenario = load_scenario(LIBRARY[0].parent / f"{name}.toml")
     drivers = scenario.zone_simulation().demand.drivers
     assert drivers == DRIVER_PRESETS[preset].model_copy(update={"name": "hcm"})
     assert scenario.model_dump(mode="json")["simulation"]["demand"]["drivers"] == "hcm"
 
 
-def test_barrier_instead_of_drums_shortens_the_time_gap_by_what_it_takes_off_the_headway():
+def test_barrier_instead_of_drums_shortens_the_time_gap_by_what_it_takes_off_the_headway() -> None:
     beside_drums, beside_wall = (
         load_scenario(LIBRARY[0].parent / f"{name}.toml").zone_simulation().demand.drivers
         for name in ("right_lane", "right_lane_barrier")
@@ -93,7 +93,7 @@ def test_barrier_instead_of_drums_shortens_the_time_gap_by_what_it_takes_off_the
     assert beside_drums.tau_s - beside_wall.tau_s == pytest.approx(3600 / 1591 - 3600 / 1785, abs=2e-3)
 
 
-def test_zone_along_a_surveyed_line_covers_the_ground_of_the_straight_one_within_half_a_percent(tmp_path):
+def test_zone_along_a_surveyed_line_covers_the_ground_of_the_straight_one_within_half_a_percent(tmp_path: Path) -> None:
     straight, bent = (load_scenario(LIBRARY[0].parent / f"{name}.toml").layout() for name in ("paper", "paper_bend_300m"))
     stations = np.linspace(0, bent.road.length, 74)  # a point every 25 m of bends of 300 m, to the centimetre
     points = bent.road.to_xy(stations, bent.road.travelled_width / 2).round(2)
@@ -107,7 +107,7 @@ def test_zone_along_a_surveyed_line_covers_the_ground_of_the_straight_one_within
 
 
 @pytest.mark.parametrize("bend", ["paper_bend_300m", "paper_bend_900m"])
-def test_zone_on_bends_left_and_right_covers_the_ground_of_the_straight_one_within_half_a_percent(bend):
+def test_zone_on_bends_left_and_right_covers_the_ground_of_the_straight_one_within_half_a_percent(bend: str) -> None:
     straight, bent = (load_scenario(LIBRARY[0].parent / f"{name}.toml").layout() for name in ("paper", bend))
     assert bent.road.length == pytest.approx(straight.road.length, rel=1e-4)
     for name in ("drivable", "closed_area", "pavement"):
@@ -115,7 +115,7 @@ def test_zone_on_bends_left_and_right_covers_the_ground_of_the_straight_one_with
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory):
+def driven(tmp_path_factory: pytest.TempPathFactory):
     """(layout, traces) of a scenario of the library by its name, driven for a short while, once."""
     done = {}
 
@@ -133,7 +133,7 @@ def driven(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", DRIVEN)
-def test_no_vehicle_of_a_short_run_reaches_into_the_closed_area_or_off_the_pavement(name, driven):
+def test_no_vehicle_of_a_short_run_reaches_into_the_closed_area_or_off_the_pavement(name, driven) -> None:
     layout, traces = driven(name)
     outlines, road = vehicle_outlines(traces), layout.road
     station, _ = road.to_sd(traces[["x_m", "y_m"]])
@@ -145,7 +145,7 @@ def test_no_vehicle_of_a_short_run_reaches_into_the_closed_area_or_off_the_pavem
 
 
 @pytest.mark.parametrize("name", ["one_lane_signal", "one_lane_flaggers"])
-def test_directions_that_take_turns_never_meet_between_the_stop_lines(name, driven):
+def test_directions_that_take_turns_never_meet_between_the_stop_lines(name: str, driven) -> None:
     layout, traces = driven(name)
     station, _ = layout.road.to_sd(traces[["x_m", "y_m"]])
     between = (station > layout.taking_turns.start + 5) & (station < layout.taking_turns.end - 5)

@@ -33,7 +33,7 @@ def series(traces, spec, *, seed=0):
     return errors_of(reported, traces).reshape(traces["vehicle_id"].nunique(), -1, 2)
 
 
-def test_no_error_at_the_traces_own_interval_gives_the_traces_back():
+def test_no_error_at_the_traces_own_interval_gives_the_traces_back() -> None:
     traces = straight_traces(3)
     reported = report(traces, spec=GnssSpec(error_m=0.0, sampling_interval_s=0.1), seed=4)
     np.testing.assert_array_equal(errors_of(reported, traces), 0.0)
@@ -42,7 +42,7 @@ def test_no_error_at_the_traces_own_interval_gives_the_traces_back():
 
 
 @pytest.mark.parametrize("error_m", [0.5, 2.0])
-def test_total_error_is_the_standard_deviation_on_each_axis(error_m):
+def test_total_error_is_the_standard_deviation_on_each_axis(error_m: float) -> None:
     errors = series(straight_traces(1500, seconds=2.0, step=1.0), GnssSpec(error_m=error_m))[:, 0]
     # The standard error of a standard deviation from n normals is sd / sqrt(2 n): 4 of them.
     np.testing.assert_allclose(errors.std(axis=0), error_m, rtol=4 / np.sqrt(2 * 1500))
@@ -50,13 +50,13 @@ def test_total_error_is_the_standard_deviation_on_each_axis(error_m):
     assert abs(np.corrcoef(errors.T)[0, 1]) < 4 / np.sqrt(1500)
 
 
-def test_error_of_a_trace_stays_more_than_it_scatters():
+def test_error_of_a_trace_stays_more_than_it_scatters() -> None:
     errors = series(straight_traces(400, seconds=30.0, step=1.0), GnssSpec(error_m=1.0))
     between, within = errors.mean(axis=1).var(), errors.var(axis=1).mean()
     assert between > 4 * within
 
 
-def test_autocovariance_equals_closed_form():
+def test_autocovariance_equals_closed_form() -> None:
     spec = GnssSpec(bias_sd_m=0.6, correlated_sd_m=1.0, correlation_time_s=4.0, white_sd_m=0.5, sampling_interval_s=1.0)
     errors = series(straight_traces(1500, seconds=12.0, step=1.0), spec)
     # A product of two errors of variance v has a standard deviation of at most sqrt(2) v; 3000 pairs, 4 standard errors.
@@ -66,7 +66,7 @@ def test_autocovariance_equals_closed_form():
         assert measured == pytest.approx(expected, abs=4 * 1.61 * np.sqrt(2) / np.sqrt(3000))
 
 
-def test_correlation_at_uneven_times_follows_the_time_between_fixes():
+def test_correlation_at_uneven_times_follows_the_time_between_fixes() -> None:
     time = np.array([0.0, 0.3, 0.4, 2.9, 3.0, 11.0])
     traces = pd.DataFrame({"vehicle_id": np.repeat(np.arange(1500), 6), "time_s": np.tile(time, 1500), "x_m": 0.0, "y_m": 0.0})
     spec = GnssSpec(correlated_sd_m=1.0, correlation_time_s=2.0, sampling_interval_s=0.1)
@@ -79,7 +79,7 @@ def test_correlation_at_uneven_times_follows_the_time_between_fixes():
     assert correlation[1, 2] == pytest.approx(np.exp(-4.0), abs=0.08)
 
 
-def test_gauss_markov_kernel_equals_step_by_step_twin():
+def test_gauss_markov_kernel_equals_step_by_step_twin() -> None:
     random = np.random.default_rng(0)
     time, normals = np.cumsum(random.exponential(1.0, 50)), random.standard_normal((50, 2))
     twin = [normals[0]]
@@ -88,7 +88,7 @@ def test_gauss_markov_kernel_equals_step_by_step_twin():
     np.testing.assert_allclose(_gauss_markov(time, 3.0, normals), twin, atol=1e-12)
 
 
-def test_errors_of_a_vehicle_do_not_depend_on_the_others():
+def test_errors_of_a_vehicle_do_not_depend_on_the_others() -> None:
     traces, spec = straight_traces(6), GnssSpec(error_m=1.0)
     everyone = report(traces, spec=spec, seed=1)
     some = report(traces[traces["vehicle_id"].isin(["v2", "v5"])], spec=spec, seed=1)
@@ -96,7 +96,7 @@ def test_errors_of_a_vehicle_do_not_depend_on_the_others():
     pd.testing.assert_frame_equal(some, alone)
 
 
-def test_longer_interval_of_one_phase_keeps_the_same_errors():
+def test_longer_interval_of_one_phase_keeps_the_same_errors() -> None:
     traces = straight_traces(4)
     dense = report(traces, spec=GnssSpec(error_m=1.0, sampling_interval_s=0.1), seed=1)
     sparse = report(traces, spec=GnssSpec(error_m=1.0, sampling_interval_s=3.0), seed=1)
@@ -105,7 +105,7 @@ def test_longer_interval_of_one_phase_keeps_the_same_errors():
 
 
 @pytest.mark.parametrize("interval_s", [0.1, 0.5, 1.0, 3.0])
-def test_fixes_come_at_the_interval(interval_s):
+def test_fixes_come_at_the_interval(interval_s: float) -> None:
     traces = straight_traces(20, seconds=60.0)
     reported = report(traces, spec=GnssSpec(error_m=0.0, sampling_interval_s=interval_s), seed=2)
     gaps = reported.groupby("vehicle_id")["time_s"].diff().dropna()
@@ -115,14 +115,14 @@ def test_fixes_come_at_the_interval(interval_s):
         assert reported.groupby("vehicle_id")["time_s"].first().nunique() > 5
 
 
-def test_trace_shorter_than_the_interval_reports_once():
+def test_trace_shorter_than_the_interval_reports_once() -> None:
     traces = straight_traces(10, seconds=0.5)
     reported = report(traces, spec=GnssSpec(error_m=1.0, sampling_interval_s=60.0), seed=0)
     assert (reported.groupby("vehicle_id").size() == 1).all()
     assert reported["vehicle_id"].nunique() == 10
 
 
-def test_seed_decides_the_errors():
+def test_seed_decides_the_errors() -> None:
     traces, spec = straight_traces(2), GnssSpec(error_m=1.0)
     first, again, other = (report(traces, spec=spec, seed=s) for s in (1, 1, 2))
     pd.testing.assert_frame_equal(first, again)
@@ -130,11 +130,11 @@ def test_seed_decides_the_errors():
 
 
 @pytest.mark.parametrize("given", [{}, {"error_m": 1.0, "white_sd_m": 0.5}])
-def test_total_and_parts_together_or_neither_are_refused(given):
+def test_total_and_parts_together_or_neither_are_refused(given) -> None:
     with pytest.raises(ValidationError, match="give either error_m or"):
         GnssSpec(**given)
 
 
-def test_table_without_positions_is_named():
+def test_table_without_positions_is_named() -> None:
     with pytest.raises(TraceError, match="y_m missing"):
         report(straight_traces(1).drop(columns="y_m"), spec=GnssSpec(error_m=1.0), seed=0)

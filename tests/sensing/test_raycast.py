@@ -108,7 +108,7 @@ def random_scene(seed):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("moving", [False, True])
-def test_cast_equals_every_ray_against_every_solid(seed, moving):
+def test_cast_equals_every_ray_against_every_solid(seed: int, moving: bool) -> None:
     scene, poses = random_scene(seed), still(rpy=(0.02, -0.03, 0.5))
     if moving:
         share = np.linspace(0, 1, len(AZIMUTH))[:, None]
@@ -122,7 +122,7 @@ def test_cast_equals_every_ray_against_every_solid(seed, moving):
 
 
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (0.03, -0.02)])
-def test_distance_to_a_plane_is_its_closed_form(slope):
+def test_distance_to_a_plane_is_its_closed_form(slope) -> None:
     poses = still(height=2.5, rpy=(0.01, 0.02, 1.0))
     hits = cast(scene_with(ground=flat_ground(level=0.4, slope=slope)), poses)
     origin, direction = rays(poses)
@@ -133,7 +133,7 @@ def test_distance_to_a_plane_is_its_closed_form(slope):
     np.testing.assert_allclose(hits.distance[met], expected[met], rtol=1e-9)
 
 
-def test_ring_on_a_drum_is_at_its_radius_and_on_its_lid_at_its_height():
+def test_ring_on_a_drum_is_at_its_radius_and_on_its_lid_at_its_height() -> None:
     scene = scene_with(frusta=[[5, 0, 0, 0, 0, 1, 1.0, 0.3, 0.3]])
     poses = still(height=3.0)
     hits = cast(scene, poses)
@@ -147,7 +147,7 @@ def test_ring_on_a_drum_is_at_its_radius_and_on_its_lid_at_its_height():
     assert (radius[on_lid] <= 0.3).all()
 
 
-def test_nearer_of_two_boxes_in_line_is_seen():
+def test_nearer_of_two_boxes_in_line_is_seen() -> None:
     boxes = [[20, 0, 1, 1, 1, 1, 1, 0], [10, 0, 1, 1, 1, 1, 1, 0]]
     hits = cast(scene_with(boxes=boxes), still(height=1.0))
     ahead = np.argmin(np.abs(AZIMUTH))
@@ -156,13 +156,13 @@ def test_nearer_of_two_boxes_in_line_is_seen():
     assert hits.distance[ahead, level] == pytest.approx(9.0 / np.cos(ELEVATION[level]))
 
 
-def test_nothing_beyond_range_is_seen():
+def test_nothing_beyond_range_is_seen() -> None:
     hits = cast(scene_with(boxes=[[10, 0, 1, 1, 1, 1, 1, 0]]), still(), max_range=3.0)
     assert (hits.object_id == -1).all()
     assert np.isinf(hits.distance).all()
 
 
-def test_hits_on_relief_lie_on_it_and_nothing_of_it_stands_before_them():
+def test_hits_on_relief_lie_on_it_and_nothing_of_it_stands_before_them() -> None:
     rng = np.random.default_rng(5)
     x, y = np.meshgrid(np.arange(400) * 0.25, np.arange(400) * 0.25)
     relief = 0.1 * np.sin(x / 3) * np.cos(y / 2) + rng.normal(0, 0.003, x.shape)

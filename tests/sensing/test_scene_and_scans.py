@@ -41,7 +41,7 @@ def rims(frustum, n=200):
     return np.vstack([frustum[:3] + frustum[7] * ring, frustum[:3] + frustum[6] * axis + frustum[8] * ring])
 
 
-def test_car_on_tilted_ground_stands_square_to_it():
+def test_car_on_tilted_ground_stands_square_to_it() -> None:
     slope = (0.04, -0.03)
     poses = Drive(time_s=np.array([0.0, 1.0]), poses=np.array([[0, 0, 0.7], [1, 1, 0.7]])).car_poses(
         [0.0, 0.5], flat_ground(slope=slope)
@@ -52,12 +52,12 @@ def test_car_on_tilted_ground_stands_square_to_it():
     np.testing.assert_allclose(poses[1, :3, 3], [0.5, 0.5, 0.5 * sum(slope)])
 
 
-def test_ground_of_straight_road_rises_along_it_and_falls_to_the_right():
+def test_ground_of_straight_road_rises_along_it_and_falls_to_the_right() -> None:
     ground = ground_of(straight_road(), SMOOTH, seed=1)
     np.testing.assert_allclose(ground.height([[0, 0], [100, 0], [100, 5]]), [0, 2.0, 2.1], atol=1e-3)
 
 
-def test_car_stands_on_the_surface_of_a_straight_road():
+def test_car_stands_on_the_surface_of_a_straight_road() -> None:
     road = straight_road()
     ground = ground_of(road, SMOOTH, seed=1)
     xy = road.to_xy([10.0, 150.0], [1.8, 5.4])
@@ -65,7 +65,7 @@ def test_car_stands_on_the_surface_of_a_straight_road():
     np.testing.assert_allclose(drive.car_poses(drive.time_s, ground)[:, 2, 3], ground.height(xy), atol=1e-3)
 
 
-def test_superelevation_of_a_curve_turns_with_the_road():
+def test_superelevation_of_a_curve_turns_with_the_road() -> None:
     spec = RoadSpec(lane_count=2, left_shoulder_ft=6, right_shoulder_ft=10, alignment=({"length_ft": 1500, "radius_ft": 1500},))
     road = spec.build()
     ground = ground_of(road, SMOOTH, seed=1)
@@ -74,7 +74,7 @@ def test_superelevation_of_a_curve_turns_with_the_road():
         np.testing.assert_allclose(ground.height(road.to_xy(s, np.full_like(s, d))), 0.02 * (s + d), atol=0.02)
 
 
-def test_verge_is_rough_and_road_nearly_even_by_their_rms():
+def test_verge_is_rough_and_road_nearly_even_by_their_rms() -> None:
     ground = ground_of(straight_road(), GroundSpec(grade_pct=0, cross_slope_pct=0), seed=3)
     x = np.random.default_rng(0).uniform(10, 200, 4000)
     road, verge = (ground.height(np.column_stack([x, np.full_like(x, y)])) for y in (3.0, 20.0))
@@ -83,7 +83,7 @@ def test_verge_is_rough_and_road_nearly_even_by_their_rms():
     assert 0.05 * 0.6 < verge.std() < 0.05 * 1.1
 
 
-def test_faulty_devices_are_missing_lying_and_tilted_in_their_shares():
+def test_faulty_devices_are_missing_lying_and_tilted_in_their_shares() -> None:
     faults = DeviceFaults(missing_share=0.2, lying_share=0.3, tilted_share=0.1, tilt_deg=20, seed=4)
     spec = SceneSpec(ground=SMOOTH, faults=faults, pole_spacing_m=0)
     scene = road_scene(straight_road(9000), cone_line(2000), spec, seed=1)
@@ -93,26 +93,26 @@ def test_faulty_devices_are_missing_lying_and_tilted_in_their_shares():
     assert len(scene.kinds) == len(scene.frusta) == (scene.device_id > 0).sum()
 
 
-def test_of_a_sparse_set_up_every_nth_device_stands():
+def test_of_a_sparse_set_up_every_nth_device_stands() -> None:
     spec = SceneSpec(ground=SMOOTH, faults=DeviceFaults(set_up_every=3), pole_spacing_m=0)
     there = road_scene(straight_road(), cone_line(10), spec, seed=1).device_id > 0
     assert there.tolist() == [True, False, False] * 3 + [True]
 
 
 @pytest.mark.parametrize("fault", [{}, {"lying_share": 1.0}, {"tilted_share": 1.0, "tilt_deg": 30}])
-def test_every_device_touches_level_ground_without_sinking_in(fault):
+def test_every_device_touches_level_ground_without_sinking_in(fault) -> None:
     level = GroundSpec(grade_pct=0, cross_slope_pct=0, road_roughness_m=0, verge_roughness_m=0)
     spec = SceneSpec(ground=level, faults=DeviceFaults(**fault), pole_spacing_m=0)
     for frustum in road_scene(straight_road(), cone_line(), spec, seed=1).frusta:
         assert rims(frustum)[:, 2].min() == pytest.approx(0.0, abs=1e-3)
 
 
-def test_faults_that_exceed_all_devices_are_refused():
+def test_faults_that_exceed_all_devices_are_refused() -> None:
     with pytest.raises(ValidationError, match="must not exceed 1"):
         DeviceFaults(missing_share=0.7, lying_share=0.4)
 
 
-def test_guardrail_follows_the_pavement_edge_at_its_offset():
+def test_guardrail_follows_the_pavement_edge_at_its_offset() -> None:
     road = straight_road()
     scene = road_scene(road, cone_line(), SceneSpec(ground=SMOOTH, guardrail="both", pole_spacing_m=0), seed=1)
     beams, posts = scene.boxes[scene.boxes[:, 3] > 0.5], scene.boxes[scene.boxes[:, 3] < 0.5]
@@ -124,7 +124,7 @@ def test_guardrail_follows_the_pavement_edge_at_its_offset():
     np.testing.assert_allclose(top, 0.7874, atol=1e-3)  # 31 in
 
 
-def test_vehicle_box_has_its_outline_and_default_height():
+def test_vehicle_box_has_its_outline_and_default_height() -> None:
     scene = road_scene(straight_road(), cone_line(), SceneSpec(ground=SMOOTH), seed=1)
     columns = {"x_m": [50.0, 80.0], "y_m": 1.8, "heading_rad": 0.3, "length_m": [4.6, 12.0], "width_m": [1.8, 2.5]}
     boxes = with_vehicles(scene, pd.DataFrame(columns)).boxes[-2:]
@@ -134,7 +134,7 @@ def test_vehicle_box_has_its_outline_and_default_height():
         with_vehicles(scene, pd.DataFrame({"x_m": [0.0], "y_m": 0.0, "heading_rad": 0.0, "length_m": 4.0}))
 
 
-def test_raw_scan_of_a_moving_car_smears_a_pole_and_true_motion_mends_it():
+def test_raw_scan_of_a_moving_car_smears_a_pole_and_true_motion_mends_it() -> None:
     scene = road_scene(straight_road(), cone_line(), SceneSpec(ground=SMOOTH), seed=1)
     spec = LidarSpec(layers=32, azimuth_count=1800, range_noise_m=0.0, dropout_at_max_range=0.0)
     drive = steady_drive(speed=25.0, seconds=3.0, yaw_rate=0.1)
@@ -153,7 +153,7 @@ def test_raw_scan_of_a_moving_car_smears_a_pole_and_true_motion_mends_it():
         assert np.linalg.norm(raw[seen, :2].mean(axis=0) - axis) == pytest.approx(25.0 * late, abs=0.5)
 
 
-def test_range_noise_and_dropout_have_their_given_size():
+def test_range_noise_and_dropout_have_their_given_size() -> None:
     scene = road_scene(straight_road(), cone_line(), SceneSpec(ground=SMOOTH), seed=1)
     drive = Drive(time_s=np.array([0.0, 9.0]), poses=np.array([[100.0, 1.8, 0], [100.0, 1.8, 0]]))
     clean = cast_scan(scene, drive, LidarSpec(range_noise_m=0, dropout_at_max_range=0), start_s=0.0, seed=1)
@@ -167,7 +167,7 @@ def test_range_noise_and_dropout_have_their_given_size():
     assert after / before == pytest.approx(1 - 0.5 * 0.25, abs=0.03)
 
 
-def test_share_of_devices_is_seen_in_a_scan_as_given():
+def test_share_of_devices_is_seen_in_a_scan_as_given() -> None:
     scene = road_scene(straight_road(), cone_line(15), SceneSpec(ground=SMOOTH), seed=1)
     drive = steady_drive()
     seen = dict.fromkeys((1.0, 0.6), 0)
@@ -177,7 +177,7 @@ def test_share_of_devices_is_seen_in_a_scan_as_given():
     assert seen[0.6] / seen[1.0] == pytest.approx(0.6, abs=0.08)
 
 
-def test_same_seed_gives_same_scans_and_another_seed_others():
+def test_same_seed_gives_same_scans_and_another_seed_others() -> None:
     scene, drive = road_scene(straight_road(), cone_line(), SceneSpec(), seed=1), steady_drive(seconds=1.0)
     first, again, other = (list(drive_scans(scene, drive, SMALL, seed=seed)) for seed in (5, 5, 6))
     assert len(first) == 10
@@ -185,7 +185,7 @@ def test_same_seed_gives_same_scans_and_another_seed_others():
     assert first[0].points.shape != other[0].points.shape or (first[0].points != other[0].points).any()
 
 
-def test_scans_cast_ahead_are_the_same_in_the_same_order():
+def test_scans_cast_ahead_are_the_same_in_the_same_order() -> None:
     scene, drive = road_scene(straight_road(), cone_line(), SceneSpec(), seed=1), steady_drive(seconds=1.0)
     plain, ahead = drive_scans(scene, drive, SMALL, seed=5), cast_ahead(drive_scans(scene, drive, SMALL, seed=5))
     for one, other in zip(plain, ahead, strict=True):
@@ -193,7 +193,7 @@ def test_scans_cast_ahead_are_the_same_in_the_same_order():
         np.testing.assert_array_equal(one.points, other.points)
 
 
-def test_fault_while_casting_ahead_reaches_the_caller():
+def test_fault_while_casting_ahead_reaches_the_caller() -> None:
     scene, drive = road_scene(straight_road(), cone_line(), SceneSpec(), seed=1), steady_drive(seconds=1.0)
     scans = drive_scans(scene, drive, SMALL, seed=1, vehicles_at=lambda _: pd.DataFrame({"x_m": [1.0]}))
     with pytest.raises(InputError, match="missing"):
@@ -214,18 +214,18 @@ def test_vehicles_of_the_moment_stand_in_the_scan():
 
 
 @pytest.mark.parametrize("column", ["time_s", "heading_rad"])
-def test_trace_without_a_column_is_no_drive(column):
+def test_trace_without_a_column_is_no_drive(column: str) -> None:
     table = pd.DataFrame({"time_s": [0.0, 1], "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}).drop(columns=column)
     with pytest.raises(TraceError, match=column):
         drive_of(table)
 
 
-def test_times_that_stand_still_are_no_drive():
+def test_times_that_stand_still_are_no_drive() -> None:
     with pytest.raises(TraceError, match="ascend"):
         Drive(time_s=np.array([0.0, 0.0]), poses=np.zeros((2, 3)))
 
 
-def test_noise_free_readings_are_the_true_motion():
+def test_noise_free_readings_are_the_true_motion() -> None:
     imu = ImuSpec(gyro_noise_deg_per_sqrt_s=0, gyro_bias_deg_per_s=0, attitude_noise_deg=0, attitude_bias_deg=0)
     imu = imu.model_copy(update={"speed_scale": 0.0, "speed_noise_mps": 0.0})
     gnss = MappingGnssSpec(bias_m=0, noise_m=0, gaps_s=((2.0, 3.0),))
@@ -236,7 +236,7 @@ def test_noise_free_readings_are_the_true_motion():
     assert np.hypot(*(readings.gnss[0, :2] - (20.0, 1.8))) < 1e-9
 
 
-def test_gnss_error_is_white_about_a_bias_that_stays_for_minutes():
+def test_gnss_error_is_white_about_a_bias_that_stays_for_minutes() -> None:
     spec = MappingGnssSpec(bias_m=0.5, noise_m=0.1, bias_time_s=1e6, vertical_factor=2.0)
     drive = Drive(time_s=np.array([0.0, 100.0]), poses=np.array([[0, 0, 0], [0.001, 0, 0]], float))
     errors = np.array([read_motion(drive, flat_ground(), ImuSpec(rate_hz=1), spec, seed=s).gnss for s in range(60)])
@@ -244,7 +244,7 @@ def test_gnss_error_is_white_about_a_bias_that_stays_for_minutes():
     np.testing.assert_allclose(errors.mean(axis=1).std(axis=0), [0.5, 0.5, 1.0], rtol=0.35)
 
 
-def test_barrier_beside_the_work_is_a_wall_without_gaps_in_the_scene():
+def test_barrier_beside_the_work_is_a_wall_without_gaps_in_the_scene() -> None:
     layout = paper_layout(work_space_device="barrier")
     scene = scene_of(layout, SceneSpec(), seed=1)
     pieces = layout.devices["kind"].to_numpy() == "barrier"

@@ -7,14 +7,14 @@ from wzsumo.errors import DisplayError
 from wzsumo.simulation.connection import refuse_without_display, window_command
 
 
-def test_window_starts_at_once_and_goes_away_at_the_end():
+def test_window_starts_at_once_and_goes_away_at_the_end() -> None:
     command = window_command(Path("/sumo/bin/sumo-gui"), ["--configuration-file", "zone.sumocfg"])
     assert command[:3] == ["/sumo/bin/sumo-gui", "--configuration-file", "zone.sumocfg"]
     assert {"--start", "--quit-on-end", "--delay"} <= set(command)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only there a display has to be named")
-def test_machine_without_a_display_is_told_so_and_one_with_it_is_not(monkeypatch):
+def test_machine_without_a_display_is_told_so_and_one_with_it_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(DisplayError, match="no display here"):
         refuse_without_display()

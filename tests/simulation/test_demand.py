@@ -1,3 +1,4 @@
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -29,13 +30,13 @@ def within_5_sd(count, *, n, p):
     return abs(count - n * p) <= 5 * np.sqrt(n * p * (1 - p))
 
 
-def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path):
+def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
     first, again, other = (demand(tmp_path, seed=seed).read_bytes() for seed in (7, 7, 8))
     assert first == again
     assert first != other
 
 
-def test_vehicles_are_sorted_by_departure_within_the_duration(tmp_path):
+def test_vehicles_are_sorted_by_departure_within_the_duration(tmp_path: Path) -> None:
     departs = [float(v.get("depart")) for v in vehicles(demand(tmp_path, duration_s=900))]
     assert departs == sorted(departs)
     assert 0 <= departs[0] < departs[-1] < 900
@@ -45,38 +46,38 @@ def test_vehicles_are_sorted_by_departure_within_the_duration(tmp_path):
 
 
 @pytest.mark.parametrize("flow_vph", [60, 600, 3000])
-def test_number_of_vehicles_is_poisson_with_the_flow(tmp_path, flow_vph):
+def test_number_of_vehicles_is_poisson_with_the_flow(tmp_path: Path, flow_vph: int) -> None:
     mean = flow_vph
     count = len(vehicles(demand(tmp_path, flow_vph=flow_vph, duration_s=3600)))
     assert abs(count - mean) <= 5 * np.sqrt(mean)
 
 
-def test_arrivals_follow_the_flow_profile(tmp_path):
+def test_arrivals_follow_the_flow_profile(tmp_path: Path) -> None:
     profile = ((0, 600), (1800, 2400))
     departs = np.array([float(v.get("depart")) for v in vehicles(demand(tmp_path, flow_profile=profile, duration_s=3600))])
     for count, mean in (((departs < 1800).sum(), 300), ((departs >= 1800).sum(), 1200)):
         assert abs(count - mean) <= 5 * np.sqrt(mean)
 
 
-def test_profile_of_one_flow_gives_the_same_bytes_as_that_flow(tmp_path):
+def test_profile_of_one_flow_gives_the_same_bytes_as_that_flow(tmp_path: Path) -> None:
     constant = demand(tmp_path, flow_vph=900).read_bytes()
     assert demand(tmp_path, flow_profile=((0, 900), (400, 900))).read_bytes() == constant
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.4])
-def test_share_of_trucks_is_binomial(tmp_path, share):
+def test_share_of_trucks_is_binomial(tmp_path: Path, share: float) -> None:
     types = [v.get("type") for v in vehicles(demand(tmp_path, truck_share=share, duration_s=7200))]
     assert within_5_sd(sum(t.startswith("truck") for t in types), n=len(types), p=share)
 
 
-def test_longer_duration_starts_with_the_departures_of_the_shorter(tmp_path):
+def test_longer_duration_starts_with_the_departures_of_the_shorter(tmp_path: Path) -> None:
     short, long = ([v.get("depart") for v in vehicles(demand(tmp_path, duration_s=t))] for t in (300, 600))
     assert len(short) > 80
     assert long[: len(short)] == short
     assert float(long[len(short)]) >= 300
 
 
-def test_lane_use_is_followed_and_trucks_keep_out_of_the_left_lane(tmp_path):
+def test_lane_use_is_followed_and_trucks_keep_out_of_the_left_lane(tmp_path: Path) -> None:
     all_ = vehicles(demand(tmp_path, lane_use=(0.2, 0.3, 0.5), truck_share=0.3, duration_s=7200))
     cars = [int(v.get("departLane")) for v in all_ if v.get("type").startswith("car")]
     trucks = [int(v.get("departLane")) for v in all_ if v.get("type").startswith("truck")]
@@ -84,14 +85,14 @@ def test_lane_use_is_followed_and_trucks_keep_out_of_the_left_lane(tmp_path):
     assert set(trucks) == {0, 1}
 
 
-def test_every_vehicle_has_a_type_and_drives_the_whole_road(tmp_path):
+def test_every_vehicle_has_a_type_and_drives_the_whole_road(tmp_path: Path) -> None:
     path = demand(tmp_path)
     root = ET.parse(path).getroot()  # noqa: S314 our own file
     assert {v.get("type") for v in root.findall("vehicle")} <= {t.get("id") for t in root.findall("vType")}
     assert root.find("route").get("edges").split() == [edge.id for edge in EDGES]
 
 
-def test_drivers_begin_to_merge_within_the_given_distances(tmp_path):
+def test_drivers_begin_to_merge_within_the_given_distances(tmp_path: Path) -> None:
     types = ET.parse(demand(tmp_path, merge_ahead_m=(150, 400))).getroot().findall("vType")  # noqa: S314 our own file
     # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right.
     ahead = [float(t.get("lcStrategic")) * SPEED * 10 for t in types]
@@ -99,7 +100,7 @@ def test_drivers_begin_to_merge_within_the_given_distances(tmp_path):
     assert 350 < max(ahead) < 401
 
 
-def test_drivers_of_a_table_set_the_vehicle_types(tmp_path):
+def test_drivers_of_a_table_set_the_vehicle_types(tmp_path: Path) -> None:
     table = {"tau_s": 1.7, "accel_mps2": 1.1, "truck_tau_s": 3.1, "truck_accel_mps2": 0.6, "sigma": 0.3, "lc_assertive": 1.2}
     types = ET.parse(demand(tmp_path, drivers=table)).getroot().findall("vType")  # noqa: S314 our own file
     values = {t.get("vClass"): [t.get(k) for k in ("tau", "accel", "sigma", "lcAssertive")] for t in types}
@@ -107,21 +108,21 @@ def test_drivers_of_a_table_set_the_vehicle_types(tmp_path):
 
 
 @pytest.mark.parametrize("name", DRIVER_PRESETS)
-def test_preset_is_found_by_its_name_and_read_back_from_an_effective_spec(name):
+def test_preset_is_found_by_its_name_and_read_back_from_an_effective_spec(name) -> None:
     spec = parse_spec(DemandSpec, {"drivers": name}, source="demand")
     assert spec.drivers == DRIVER_PRESETS[name]
     assert parse_spec(DemandSpec, spec.model_dump(mode="json"), source="effective") == spec
 
 
 @pytest.mark.parametrize("name", [name for name in DRIVER_PRESETS if name.startswith("hcm_")])
-def test_fitted_presets_name_the_step_and_the_lateral_resolution_that_the_toolkit_runs(name):
+def test_fitted_presets_name_the_step_and_the_lateral_resolution_that_the_toolkit_runs(name) -> None:
     fitted, runs = DRIVER_PRESETS[name], SimulationSpec()
     assert fitted.calibrated_step_length_s == runs.step_length_s
     assert fitted.calibrated_lateral_resolution_m == runs.lateral_resolution_m
 
 
 @pytest.mark.parametrize(("slower", "faster"), [("2_to_1_rural", "2_to_1_urban"), ("2_to_1_urban", "3_to_2_urban")])
-def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower, faster):
+def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower: str, faster: str) -> None:
     # HCM 7: 1412, 1591 and 1783.5 pc/h and lane.
     slow, fast = DRIVER_PRESETS[f"hcm_{slower}"], DRIVER_PRESETS[f"hcm_{faster}"]
     assert slow.tau_s > fast.tau_s
@@ -129,7 +130,9 @@ def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower,
 
 
 @pytest.mark.parametrize(("discharge", "total", "still_open"), [(1412.0, 3, 1), (1591.0, 2, 1), (1978.0, 3, 2)])
-def test_time_gap_moves_one_to_one_with_the_headway_and_a_trucks_with_that_of_two_cars(discharge, total, still_open):
+def test_time_gap_moves_one_to_one_with_the_headway_and_a_trucks_with_that_of_two_cars(
+    discharge: float, total: int, still_open: int
+) -> None:
     drivers, slower = (hcm_drivers(flow, total_lanes=total, open_lanes=still_open) for flow in (discharge, discharge - 100))
     longer_s = 3600 / (discharge - 100) - 3600 / discharge
     assert slower.tau_s - drivers.tau_s == pytest.approx(longer_s, abs=2e-3)
@@ -137,17 +140,19 @@ def test_time_gap_moves_one_to_one_with_the_headway_and_a_trucks_with_that_of_tw
 
 
 @pytest.mark.parametrize(("total", "open_lanes", "accel_mps2"), [(2, 1, 0.9), (3, 1, 0.65), (3, 2, 0.5)])
-def test_drivers_where_three_lanes_close_accelerate_slower_as_was_fitted(total, open_lanes, accel_mps2):
+def test_drivers_where_three_lanes_close_accelerate_slower_as_was_fitted(
+    total: int, open_lanes: int, accel_mps2: float
+) -> None:
     drivers = hcm_drivers(1600.0, total_lanes=total, open_lanes=open_lanes)
     assert drivers.accel_mps2 == accel_mps2  # docs/traffic_calibration.md, "The rule": the capacity drop comes of it
 
 
-def test_demand_whose_drivers_only_the_zone_decides_is_not_written_without_one(tmp_path):
+def test_demand_whose_drivers_only_the_zone_decides_is_not_written_without_one(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="decided by the zone"):
         demand(tmp_path, drivers="hcm")
 
 
-def test_nobody_brakes_harder_than_the_service_brake(tmp_path):
+def test_nobody_brakes_harder_than_the_service_brake(tmp_path: Path) -> None:
     types = ET.parse(demand(tmp_path)).getroot().findall("vType")  # noqa: S314 our own file
     assert {(t.get("vClass"), t.get("decel"), t.get("emergencyDecel")) for t in types} == {
         ("passenger", "4.5", "4.5"),
@@ -156,7 +161,7 @@ def test_nobody_brakes_harder_than_the_service_brake(tmp_path):
 
 
 @pytest.mark.parametrize("key", ["step_length_s", "lateral_resolution_m"])
-def test_drivers_refuse_a_step_or_a_lateral_model_that_they_were_not_calibrated_with(key):
+def test_drivers_refuse_a_step_or_a_lateral_model_that_they_were_not_calibrated_with(key: str) -> None:
     fitted = {"name": "fitted", "calibrated_step_length_s": 0.1, "calibrated_lateral_resolution_m": 0.45}
     parse_spec(SimulationSpec, {"demand": {"drivers": fitted}}, source="simulation")
     for drivers, name in ((fitted, "fitted"), ("hcm", "hcm")):
@@ -182,12 +187,12 @@ def test_drivers_refuse_a_step_or_a_lateral_model_that_they_were_not_calibrated_
         ({"drivers": {"tau": 1}}, "drivers.tau: unknown key .*tau_s"),
     ],
 )
-def test_demand_that_cannot_be_is_refused(changes, rule):
+def test_demand_that_cannot_be_is_refused(changes, rule: str) -> None:
     with pytest.raises(SpecError, match=rule):
         parse_spec(DemandSpec, changes, source="demand")
 
 
-def test_opposing_vehicles_depart_on_their_own_route_and_leave_the_others_as_they_are(tmp_path):
+def test_opposing_vehicles_depart_on_their_own_route_and_leave_the_others_as_they_are(tmp_path: Path) -> None:
     back = opposing_edges_of(lay_out(paper_work_zone(closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None), ROAD_BOTH_WAYS))
     assert back
     alone = [v.attrib for v in vehicles(demand(tmp_path))]

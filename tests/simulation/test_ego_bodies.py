@@ -27,7 +27,7 @@ def lanes_of(parts):
     return [part.lane for part in parts]
 
 
-def test_ego_in_the_middle_of_its_lane_is_shown_there_alone_as_wide_as_it_is_with_its_clearance():
+def test_ego_in_the_middle_of_its_lane_is_shown_there_alone_as_wide_as_it_is_with_its_clearance() -> None:
     (part,) = seen(1.5 * LANE)
     assert (part.lane, part.edge, part.index) == (1, EDGES[0].id, 1)
     assert part.front == pytest.approx([100.0 + CAR.axle_to_bumper_m, 1.5 * LANE, 0.0])
@@ -35,7 +35,7 @@ def test_ego_in_the_middle_of_its_lane_is_shown_there_alone_as_wide_as_it_is_wit
 
 
 @pytest.mark.parametrize("over_m", [0.1, 0.4])
-def test_part_over_the_line_to_the_right_is_seen_there_with_its_clearance(over_m):
+def test_part_over_the_line_to_the_right_is_seen_there_with_its_clearance(over_m: float) -> None:
     own, part = seen(LANE + CAR.width_m / 2 - over_m)
     assert (own.lane, part.lane) == (1, 0)
     width = max(over_m + 0.3 - WITHIN, 0.1)
@@ -43,20 +43,20 @@ def test_part_over_the_line_to_the_right_is_seen_there_with_its_clearance(over_m
     assert part.front[:2] == pytest.approx([100.0 + CAR.axle_to_bumper_m, LANE - WITHIN - width / 2])
 
 
-def test_part_over_the_line_to_the_left_is_seen_there():
+def test_part_over_the_line_to_the_left_is_seen_there() -> None:
     own, part = seen(2 * LANE - CAR.width_m / 2 + 0.4)
     assert (own.lane, part.lane) == (1, 2)
     assert part.front[1] == pytest.approx(2 * LANE + (WITHIN + 0.4 + 0.3) / 2)
 
 
-def test_ego_whose_clearance_alone_reaches_over_the_line_is_seen_there_too():
+def test_ego_whose_clearance_alone_reaches_over_the_line_is_seen_there_too() -> None:
     own, part = seen(LANE + CAR.width_m / 2 + 0.1)
     assert (own.lane, part.lane) == (1, 0)
     assert part.width == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(("y", "lane"), [(LANE + CAR.width_m / 2 - 0.6, 0), (2 * LANE - CAR.width_m / 2 + 0.6, 2)])
-def test_ego_more_than_half_a_metre_in_a_lane_that_leaves_room_to_pass_takes_all_of_it(y, lane):
+def test_ego_more_than_half_a_metre_in_a_lane_that_leaves_room_to_pass_takes_all_of_it(y, lane: int) -> None:
     part = seen(y)[1]
     assert part.lane == lane
     assert part.width == pytest.approx(LANE - 2 * WITHIN)
@@ -64,13 +64,13 @@ def test_ego_more_than_half_a_metre_in_a_lane_that_leaves_room_to_pass_takes_all
 
 
 @pytest.mark.parametrize("beside_line_m", [0.0, 1e-9, -0.04])
-def test_ego_on_the_line_takes_both_lanes(beside_line_m):
+def test_ego_on_the_line_takes_both_lanes(beside_line_m: float) -> None:
     parts = seen(LANE + beside_line_m)
     assert sorted(lanes_of(parts)) == [0, 1]
     assert [part.width for part in parts] == pytest.approx([LANE - 2 * WITHIN] * 2)
 
 
-def test_ego_on_the_shoulder_is_shown_at_the_edge_of_the_lane_next_to_it():
+def test_ego_on_the_shoulder_is_shown_at_the_edge_of_the_lane_next_to_it() -> None:
     (part,) = seen(-1.6)
     assert part.lane == 0
     assert part.width == pytest.approx(0.1)
@@ -80,7 +80,7 @@ def test_ego_on_the_shoulder_is_shown_at_the_edge_of_the_lane_next_to_it():
 @pytest.mark.parametrize("y", np.linspace(-1.5, 3 * LANE + 1.5, 41))
 @pytest.mark.parametrize("turned", [0.0, 0.3, -0.1])
 @pytest.mark.parametrize("x", [100.0, 1200.0])  # in the approach, and in the merging taper
-def test_every_part_lies_within_its_lane_and_the_first_in_the_one_nearest_to_the_front(y, turned, x):
+def test_every_part_lies_within_its_lane_and_the_first_in_the_one_nearest_to_the_front(y, turned: float, x: float) -> None:
     parts = seen(y, heading=turned, x=x)
     for part in parts:
         edge = next(edge for edge in EDGES if edge.id == part.edge)
@@ -96,7 +96,7 @@ def test_every_part_lies_within_its_lane_and_the_first_in_the_one_nearest_to_the
 @pytest.mark.parametrize(
     ("ahead_m", "lane", "shown"), [(0, 0, False), (4.5, 0, False), (5.5, 0, True), (-5.5, 0, True), (0, 2, True)]
 )
-def test_ego_is_not_shown_in_another_lane_while_somebody_there_is_beside_it(ahead_m, lane, shown):
+def test_ego_is_not_shown_in_another_lane_while_somebody_there_is_beside_it(ahead_m: float, lane: int, shown: bool) -> None:
     x = 100.0 + CAR.axle_to_centre_m + ahead_m
     other = Traffic(
         ids=("other",), poses=np.array([[x, (lane + 0.5) * LANE, 0.0]]), speeds=np.array([10.0]),
@@ -105,7 +105,7 @@ def test_ego_is_not_shown_in_another_lane_while_somebody_there_is_beside_it(ahea
     assert (0 in lanes_of(seen(LANE + 0.5, traffic=other))) == shown
 
 
-def test_turned_ego_reaches_over_with_its_corner():
+def test_turned_ego_reaches_over_with_its_corner() -> None:
     assert lanes_of(seen(1.5 * LANE)) == [1]
     _, part = seen(1.5 * LANE, heading=np.deg2rad(20))
     # Front left corner: 3.72 sin 20 + 0.93 cos 20 = 2.146 m to the left of the axle, the line is 1.829 m off.
@@ -114,7 +114,7 @@ def test_turned_ego_reaches_over_with_its_corner():
 
 
 @pytest.mark.parametrize("turned", [0.07, -0.07])
-def test_turned_ego_is_seen_as_far_as_its_corners_reach(turned):
+def test_turned_ego_is_seen_as_far_as_its_corners_reach(turned: float) -> None:
     (part,) = seen(LANE / 2 - 1.3 * np.sin(turned), heading=turned)
     # Front to rear corners across the lane: L sin + w cos.
     across = CAR.length_m * np.sin(abs(turned)) + CAR.width_m * np.cos(turned)

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
@@ -41,8 +43,8 @@ def traces_of_two(layout, folder, *, side):
     ("closed", "shoulder", "side"), [((2,), "left", 1), ((0,), "right", -1)], ids=["left lane closes", "right lane closes"]
 )
 def test_car_half_over_the_line_at_the_end_of_its_lane_goes_on_though_somebody_stands_beside_it(
-    tmp_path, closed, shoulder, side
-):
+    tmp_path: Path, closed, shoulder: str, side: int
+) -> None:
     merging, beside = traces_of_two(closing_layout(closed, shoulder), tmp_path, side=side)
     for car in (merging, beside):
         assert car["x"].iloc[-1] - car["x"].iloc[0] > 200  # m in 30 s
@@ -70,7 +72,9 @@ def outlines_of_one_half_over(layout, folder):
     return outlines_in(rows[rows["id"] == "half"], length=LENGTH_M, width=WIDTH_M)
 
 
-def test_driver_who_finds_no_room_beside_him_waits_over_the_line_of_a_closing_lane_before_he_reaches_the_devices(tmp_path):
+def test_driver_who_finds_no_room_beside_him_waits_over_the_line_of_a_closing_lane_before_he_reaches_the_devices(
+    tmp_path: Path,
+) -> None:
     layout = closing_layout((2,), "left")
     outlines = outlines_of_one_half_over(layout, tmp_path)
     over_the_line_m = shapely.bounds(outlines)[:, 3] - 24 * METRES_PER_FOOT
@@ -79,7 +83,7 @@ def test_driver_who_finds_no_room_beside_him_waits_over_the_line_of_a_closing_la
     assert not shapely.intersects(layout.closed_area, outlines).any()
 
 
-def test_nobody_drives_on_what_is_left_of_a_closed_lane():
+def test_nobody_drives_on_what_is_left_of_a_closed_lane() -> None:
     edge = next(edge for edge in edges_of(paper_layout()) if len(edge.through) < len(edge.lanes))
     assert [lane.index for lane in edge.through] == [0, 1]
     assert [lane.index for lane in edge.lanes] == [0, 1, 2]

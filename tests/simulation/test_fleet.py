@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -19,11 +21,11 @@ def simulate(folder, *, duration_s, seed):
 
 
 @pytest.fixture(scope="module")
-def traces(tmp_path_factory):
+def traces(tmp_path_factory: pytest.TempPathFactory):
     return simulate(tmp_path_factory.mktemp("fleet"), duration_s=240, seed=1)
 
 
-def test_outlines_built_here_match_the_vehicle_noun():
+def test_outlines_built_here_match_the_vehicle_noun() -> None:
     car = VehicleGeometry()
     pose = np.array([3.0, -2.0, 0.7])
     centre = pose[:2] + car.axle_to_centre_m * np.array([np.cos(0.7), np.sin(0.7)])
@@ -32,12 +34,12 @@ def test_outlines_built_here_match_the_vehicle_noun():
     assert outline.symmetric_difference(shapely.Polygon(car.outline(pose))).area < 1e-9
 
 
-def test_at_least_20_vehicles_pass_the_zone_in_four_minutes(traces):
+def test_at_least_20_vehicles_pass_the_zone_in_four_minutes(traces) -> None:
     span = traces.groupby("vehicle_id")["x_m"].agg(["min", "max"])
     assert ((span["min"] < LAYOUT.start) & (span["max"] > LAYOUT.end)).sum() >= 20
 
 
-def test_no_vehicle_reaches_deeper_than_10_cm_into_the_closed_area(traces):
+def test_no_vehicle_reaches_deeper_than_10_cm_into_the_closed_area(traces) -> None:
     # SUMO keeps a vehicle's own lane to its lines, not a turned outline nor the end of a late lane change.
     overlap = shapely.area(shapely.intersection(vehicle_outlines(traces), LAYOUT.closed_area.buffer(-0.1)))
     assert overlap.max() == 0
@@ -45,12 +47,12 @@ def test_no_vehicle_reaches_deeper_than_10_cm_into_the_closed_area(traces):
     assert inside.mean() < 0.002
 
 
-def test_no_driver_brakes_harder_than_the_service_brake_among_drivers(traces):
+def test_no_driver_brakes_harder_than_the_service_brake_among_drivers(traces) -> None:
     speed_change = traces.groupby("vehicle_id")["speed_mps"].diff() / 0.1
     assert speed_change.min() > -4.5 - 0.02  # SUMO logs speeds to 1 mm/s
 
 
-def test_vehicles_beside_the_activity_area_stay_within_the_open_lanes(traces):
+def test_vehicles_beside_the_activity_area_stay_within_the_open_lanes(traces) -> None:
     area = LAYOUT.area("activity area")
     beside = traces[traces["x_m"].between(area.start + 10, area.end - 10)]
     corners = shapely.get_coordinates(vehicle_outlines(beside))[:, 1] / 0.3048
@@ -59,32 +61,32 @@ def test_vehicles_beside_the_activity_area_stay_within_the_open_lanes(traces):
     assert corners.max() <= 12 + 0.2
 
 
-def test_fleet_is_a_trace_table_in_order(traces):
+def test_fleet_is_a_trace_table_in_order(traces) -> None:
     pd.testing.assert_frame_equal(check_traces(traces, source="fleet"), traces)
 
 
-def test_centre_moves_along_its_heading(traces):
+def test_centre_moves_along_its_heading(traces) -> None:
     steps = traces.groupby("vehicle_id")[["x_m", "y_m"]].diff(10).dropna()  # over one second
     slope = np.arctan2(steps["y_m"], steps["x_m"])[steps["x_m"] > 5]
     mean_heading = traces.groupby("vehicle_id")["heading_rad"].rolling(11).mean().droplevel(0)[slope.index]
     assert np.abs(slope - mean_heading).quantile(0.95) < 0.01
 
 
-def test_speed_agrees_with_the_movement_of_the_centre(traces):
+def test_speed_agrees_with_the_movement_of_the_centre(traces) -> None:
     steps = traces.groupby("vehicle_id")[["x_m", "y_m"]].diff(10).dropna()  # over one second
     mean_speed = traces.groupby("vehicle_id")["speed_mps"].rolling(10).mean().droplevel(0)[steps.index]
     # SUMO counts 0.1 to 0.3 m for the junction between two edges, which has no length here; three are passed in a second.
     assert np.abs(np.hypot(steps["x_m"], steps["y_m"]) - mean_speed).max() < 0.9
 
 
-def test_vehicle_enters_with_its_rear_at_the_roads_start(traces):
+def test_vehicle_enters_with_its_rear_at_the_roads_start(traces) -> None:
     first = traces.groupby("vehicle_id").first()
     rear = first["x_m"] - first["length_m"] / 2
     # departPos="base"; a vehicle that departs between two steps is logged up to one step of 0.1 s further on.
     assert rear.between(-0.01, first["speed_mps"] * 0.1 + 0.2).all()
 
 
-def test_same_seed_gives_the_same_traces_and_another_seed_others(tmp_path):
+def test_same_seed_gives_the_same_traces_and_another_seed_others(tmp_path: Path) -> None:
     first, again, other = (simulate(tmp_path, duration_s=30, seed=seed) for seed in (5, 5, 6))
     pd.testing.assert_frame_equal(first, again)
     assert not first.equals(other)

@@ -16,7 +16,7 @@ def may_go(*others, side=-1, speeds=None):
     return may_go_first(0, side, poses=poses, lengths=np.full(len(poses), 4.8), speeds=speeds)
 
 
-def test_who_is_waited_for_in_the_lane_that_leads_on_goes_first():
+def test_who_is_waited_for_in_the_lane_that_leads_on_goes_first() -> None:
     assert may_go(WAITS, FOLLOWS)
 
 
@@ -31,11 +31,11 @@ def test_who_is_waited_for_in_the_lane_that_leads_on_goes_first():
     ],
     ids=["nobody", "own lane", "moves", "far", "beside"],
 )
-def test_who_is_not_waited_for_or_has_no_room_stays(others, speeds):
+def test_who_is_not_waited_for_or_has_no_room_stays(others, speeds) -> None:
     assert not may_go(*others, speeds=speeds)
 
 
-def test_sides_are_mirror_images():
+def test_sides_are_mirror_images() -> None:
     mirrored = np.array([(x, -y, -heading) for x, y, heading in (OVER_LINE, WAITS)])
     speeds, lengths = np.zeros(2), np.full(2, 4.8)
     assert may_go_first(0, 1, poses=mirrored, lengths=lengths, speeds=speeds)
@@ -65,7 +65,7 @@ def resolve(sumo, gridlock):
     return told
 
 
-def test_driver_is_let_go_only_when_he_has_stood_for_long_and_drives_as_before_once_he_moves():
+def test_driver_is_let_go_only_when_he_has_stood_for_long_and_drives_as_before_once_he_moves() -> None:
     sumo = vehicles_of_sumo(waited_s=PATIENCE_S - 1, speed=0.0)
     gridlock = Gridlock(sumo)
     assert resolve(sumo, gridlock) == []

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 import shapely
 from builders import two_lane_road
@@ -17,7 +19,7 @@ ONE_LANE = WorkZone(
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_truck_that_keeps_to_one_side_of_a_lane_that_turns_by_one_in_ten_cuts_no_device(tmp_path, side):
+def test_truck_that_keeps_to_one_side_of_a_lane_that_turns_by_one_in_ten_cuts_no_device(tmp_path: Path, side: str) -> None:
     layout = lay_out(ONE_LANE, two_lane_road())
     net, edges = write_network(layout, tmp_path), edges_of(layout)
     rows = driven(

@@ -1,3 +1,4 @@
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -48,7 +49,9 @@ def traces_of_one_half_over(folder, *, lane, others):
 
 @pytest.mark.parametrize("lane", [0, 1], ids=["right lane", "left lane"])
 @pytest.mark.parametrize("others", [(0,), (8,), (0, 10, 20, -10, -20)], ids=["beside him", "ahead of him", "a platoon"])
-def test_driver_half_over_the_line_falls_back_into_his_lane_before_the_nose_and_never_stands(tmp_path, lane, others):
+def test_driver_half_over_the_line_falls_back_into_his_lane_before_the_nose_and_never_stands(
+    tmp_path: Path, lane: int, others
+) -> None:
     rows = traces_of_one_half_over(tmp_path, lane=lane, others=others)
     outlines = outlines_in(rows, length=4.8, width=1.85)
     station = shapely.get_x(shapely.centroid(outlines))  # the road runs along +x
@@ -58,7 +61,7 @@ def test_driver_half_over_the_line_falls_back_into_his_lane_before_the_nose_and_
     assert rows["speed"].min() > 5
 
 
-def test_drivers_keep_to_a_lane_where_lanes_part_and_nowhere_else(tmp_path):
+def test_drivers_keep_to_a_lane_where_lanes_part_and_nowhere_else(tmp_path: Path):
     def habits_beside(layout):
         path = write_demand(edges_of(layout), tmp_path, spec=DemandSpec(), speed=SPEED, seed=1)
         return "lcLaneDiscipline" in path.read_text()
@@ -67,7 +70,7 @@ def test_drivers_keep_to_a_lane_where_lanes_part_and_nowhere_else(tmp_path):
     assert not habits_beside(paper_layout())
 
 
-def test_closed_ground_between_two_lanes_is_a_lane_that_bars_everybody_from_the_nose_to_where_it_ends(tmp_path):
+def test_closed_ground_between_two_lanes_is_a_lane_that_bars_everybody_from_the_nose_to_where_it_ends(tmp_path: Path) -> None:
     net = ET.parse(write_network(LAYOUT, tmp_path)).getroot()  # noqa: S314 our own file
     for edge in edges_of(LAYOUT):
         allowed = [lane.get("allow") for lane in net.findall(f"edge[@id='{edge.id}']/lane")]

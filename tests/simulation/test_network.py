@@ -1,4 +1,5 @@
 from itertools import pairwise
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -50,7 +51,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_lane_centre_lines_in_the_net_match_the_layout_within_1_cm(tmp_path, name):
+def test_lane_centre_lines_in_the_net_match_the_layout_within_1_cm(tmp_path: Path, name) -> None:
     layout = LAYOUTS[name]()
     by_edge = {}
     for edge, s, d, width, _ in lanes_of_net(layout, tmp_path):
@@ -66,7 +67,7 @@ def test_lane_centre_lines_in_the_net_match_the_layout_within_1_cm(tmp_path, nam
             assert width <= np.diff(lines, axis=1).min() + 0.01, edge
 
 
-def test_lanes_of_the_paper_zone_are_three_then_two_then_three():
+def test_lanes_of_the_paper_zone_are_three_then_two_then_three() -> None:
     layout = paper_layout()
     counts = {edge.id: len(edge.through) for edge in edges_of(layout)}
     in_order = list(counts.values())
@@ -79,14 +80,14 @@ def test_lanes_of_the_paper_zone_are_three_then_two_then_three():
     assert set(inner) == {2}
 
 
-def test_edges_cover_the_road_without_a_gap():
+def test_edges_cover_the_road_without_a_gap() -> None:
     layout = paper_layout()
     edges = edges_of(layout)
     assert [e.end for e in edges[:-1]] == [e.start for e in edges[1:]]
     assert (edges[0].start, edges[-1].end) == (0, pytest.approx(layout.road.length))
 
 
-def test_closed_lane_ends_inside_the_merging_taper_where_it_is_8_ft_wide(tmp_path):
+def test_closed_lane_ends_inside_the_merging_taper_where_it_is_8_ft_wide(tmp_path: Path) -> None:
     layout = paper_layout()
     taper = layout.area("merging taper")
     before_zone = [row for row in lanes_of_net(layout, tmp_path) if row[1][0] < layout.area("tangent").start]
@@ -100,7 +101,7 @@ def test_closed_lane_ends_inside_the_merging_taper_where_it_is_8_ft_wide(tmp_pat
     assert all("truck" in left[edge][2] for edge in in_taper)
 
 
-def test_every_lane_but_the_closing_one_leads_on(tmp_path):
+def test_every_lane_but_the_closing_one_leads_on(tmp_path: Path) -> None:
     layout = paper_layout()
     net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 our own file
     leads_on = {(c.get("from"), int(c.get("fromLane"))) for c in net.findall("connection")}
@@ -114,7 +115,7 @@ def test_every_lane_but_the_closing_one_leads_on(tmp_path):
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path, name):
+def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path: Path, name) -> None:
     layout = LAYOUTS[name]()
     net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 our own file
     for edge in edges_of(layout):
@@ -123,7 +124,7 @@ def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path, name):
 
 
 @pytest.mark.parametrize("radius_ft", [1000, -1000, 3000])
-def test_lanes_on_a_bend_are_narrower_by_what_a_truck_cuts_on_either_side(tmp_path, radius_ft):
+def test_lanes_on_a_bend_are_narrower_by_what_a_truck_cuts_on_either_side(tmp_path: Path, radius_ft: int) -> None:
     layout = lay_out(paper_work_zone(closed_lanes=(), **UNSHIFTED), bent_road(radius_ft))
     widths = {width for _, _, _, width, _ in lanes_of_net(layout, tmp_path)}
     lane_m, sagitta_m = 12 * 0.3048, LONGEST_M**2 / (8 * abs(radius_ft) * 0.3048)

@@ -1,6 +1,7 @@
 """What SUMO does with an ego that moveToXY places: one test for each way in which it goes wrong if it is done naively."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ FINE = ("--step-length", "0.05", "--default.action-step-length", "0.1")
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory):
+def files(tmp_path_factory: pytest.TempPathFactory):
     spec = SimulationSpec(demand=DemandSpec(flow_vph=1800, duration_s=200, truck_share=0.1))
     return write_sumo_files(LAYOUT, tmp_path_factory.mktemp("session"), spec=spec, seed=3)
 
@@ -50,19 +51,19 @@ def sumo_bumper(session):
 
 
 @pytest.mark.parametrize(("y", "shown_at"), [(1.5 * LANE, 1.5 * LANE), (1.5 * LANE + 0.15, 1.5 * LANE + 0.15), (-1.6, 0.45)])
-def test_body_is_exactly_where_it_was_put_and_not_snapped_to_the_middle_of_its_lane(files, y, shown_at):
+def test_body_is_exactly_where_it_was_put_and_not_snapped_to_the_middle_of_its_lane(files, y, shown_at) -> None:
     with running(files.config, options=FINE) as session:
         for state, _ in drive(session, files, y=y, duration_s=1.0):
             assert sumo_bumper(session) == pytest.approx([state.x + CAR.axle_to_bumper_m, shown_at], abs=1e-3)
 
 
-def test_speed_that_sumo_sees_has_no_spikes(files):
+def test_speed_that_sumo_sees_has_no_spikes(files) -> None:
     with running(files.config, options=FINE) as session:
         for _ in drive(session, files, y=1.5 * LANE, duration_s=3.0):
             assert session._sumo.vehicle.getSpeed(EGO_ID) == pytest.approx(10.0, abs=1e-6)
 
 
-def test_ego_crosses_every_junction_of_the_zone(files):
+def test_ego_crosses_every_junction_of_the_zone(files) -> None:
     roads = []
     with running(files.config, options=FINE) as session:
         for _ in drive(session, files, y=0.5 * LANE, x=1000.0, speed=25.0, duration_s=15.0):
@@ -76,7 +77,9 @@ def test_ego_crosses_every_junction_of_the_zone(files):
 
 
 @pytest.mark.parametrize("radius_ft", [984.3, -984.3], ids=["left", "right"])
-def test_ego_on_the_outer_side_of_a_kink_between_two_edges_is_counted_to_the_lane_that_it_is_in(tmp_path, radius_ft):
+def test_ego_on_the_outer_side_of_a_kink_between_two_edges_is_counted_to_the_lane_that_it_is_in(
+    tmp_path: Path, radius_ft: float
+) -> None:
     layout = lay_out(paper_work_zone(), bent_road(radius_ft))
     spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
     bent = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
@@ -131,7 +134,7 @@ def passers_through(files, *, shown):
     return len(passed), len(overlapped)
 
 
-def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(files):
+def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(files) -> None:
     passed, overlapped = passers_through(files, shown=False)
     assert passed >= 10
     assert overlapped >= 2  # the trap: SUMO counts the ego to one lane
@@ -169,7 +172,7 @@ def who_touches_an_ego_that_stands_askew(files, *, as_it_lies):
     return touching
 
 
-def test_drivers_creep_into_the_corner_of_an_ego_that_stands_askew_unless_it_is_shown_as_it_lies(tmp_path):
+def test_drivers_creep_into_the_corner_of_an_ego_that_stands_askew_unless_it_is_shown_as_it_lies(tmp_path: Path) -> None:
     spec = SimulationSpec(demand=DemandSpec(flow_vph=1800, duration_s=200, truck_share=0.1))
     files = write_sumo_files(LAYOUT, tmp_path, spec=spec, seed=4)
     assert who_touches_an_ego_that_stands_askew(files, as_it_lies=False)  # the trap: SUMO lays it along the lane
@@ -185,7 +188,7 @@ def bodies(session):
             yield name, lane, api.getLateralLanePosition(name), api.getWidth(name), lane_api.getWidth(lane) if lane else 0.0
 
 
-def test_body_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(files, capfd):
+def test_body_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(files, capfd: pytest.CaptureFixture[str]) -> None:
     # Drivers keep whom they saw beside them until they act again: SUMO 1.28 crashed over stand-ins that had been removed, at
     # once or later, and over those that lay beside the road.
     with running(files.config, options=FINE) as session:
@@ -208,7 +211,7 @@ def test_body_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(fi
     assert "implied speed" not in capfd.readouterr().err
 
 
-def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path):
+def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path: Path) -> None:
     # Nearest to it is the middle of what is left of the closing lane, 0.1 m wide in SUMO: of that it would be off the road.
     layout = paper_layout()
     spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
@@ -230,7 +233,7 @@ def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path):
         assert session._sumo.vehicle.getLaneID(EGO_ID) == f"{edge.id}_{index}"
 
 
-def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reaches_into_a_second_lane(tmp_path):
+def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reaches_into_a_second_lane(tmp_path: Path) -> None:
     # Of such bodies SUMO 1.28 keeps a list of lanes, old after a body has lost its place, over which it has crashed.
     layout = lay_out(paper_work_zone(), bent_road(984.3))
     spec = SimulationSpec(demand=DemandSpec(flow_vph=3000, duration_s=120))

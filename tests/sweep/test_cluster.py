@@ -18,7 +18,7 @@ LIMIT_S = 60.0
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory):
+def address(tmp_path_factory: pytest.TempPathFactory):
     """A Dask scheduler and two workers on this machine, as a user would start them."""
     folder = tmp_path_factory.mktemp("cluster")
     file = folder / "scheduler.json"
@@ -48,7 +48,7 @@ def wait_for(file, *, workers):
     return address
 
 
-def test_table_of_a_cluster_is_that_of_this_machine(address, tmp_path, monkeypatch):
+def test_table_of_a_cluster_is_that_of_this_machine(address, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "simulate", simulate)
     monkeypatch.setattr(engine, "evaluate", evaluate)
     study = a_study(seed=[1, 2, 3], crowd__used=[1, 2])
@@ -61,25 +61,25 @@ def test_table_of_a_cluster_is_that_of_this_machine(address, tmp_path, monkeypat
     assert tables[0] == tables[1]
 
 
-def test_task_that_raises_or_takes_too_long_is_known_by_its_future(address):
+def test_task_that_raises_or_takes_too_long_is_known_by_its_future(address) -> None:
     with ClusterWorkers(address, version=code_version) as workers:
         assert workers.start(operator.mul, 6, 7, limit_s=LIMIT_S).result() == 42
         assert isinstance(workers.start(operator.truediv, 1, 0, limit_s=LIMIT_S).exception(), ZeroDivisionError)
         assert "took longer than 1 s" in str(workers.start(time.sleep, 3, limit_s=1.0).exception())
 
 
-def test_worker_with_another_version_of_the_code_is_refused_by_name(address):
+def test_worker_with_another_version_of_the_code_is_refused_by_name(address) -> None:
     with pytest.raises(InputError, match=r"worker tcp://.* has wzsumo .*, this is .*; install the same everywhere"):
         ClusterWorkers(address, version=os.getpid)
 
 
 @pytest.mark.parametrize("address", ["nowhere", "tcp://127.0.0.1", "127.0.0.1:port"])
-def test_address_that_is_none_is_refused_with_its_form(address):
+def test_address_that_is_none_is_refused_with_its_form(address: str) -> None:
     with pytest.raises(InputError, match=r"must be \[protocol://\]host:port"):
         ClusterWorkers(address, version=code_version)
 
 
-def test_scheduler_that_does_not_answer_is_named(monkeypatch):
+def test_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wzsumo.sweep.cluster.CONNECT_S", 0.5)
     with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9: no Dask scheduler answers there"):
         ClusterWorkers("tcp://127.0.0.1:9", version=code_version)

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,7 +19,7 @@ def results(*, seeds=8, methods=("swept",), used=(1,), value=lambda *_: 0.5):
     return table
 
 
-def test_mean_median_and_interval_are_those_of_scipy():
+def test_mean_median_and_interval_are_those_of_scipy() -> None:
     sample = np.random.default_rng(3).beta(5, 2, 12)
     summary = summarise(results(seeds=12, value=lambda seed, *_: sample[seed]), "iou", by=["method"]).iloc[0]
     assert (summary["n"], summary["mean"], summary["median"]) == (
@@ -33,7 +35,7 @@ def test_mean_median_and_interval_are_those_of_scipy():
     assert summary["high"] == pytest.approx(theirs.high, abs=0.05 * width)
 
 
-def test_interval_over_seeds_that_are_not_all_there_is_that_of_those_there_are():
+def test_interval_over_seeds_that_are_not_all_there_is_that_of_those_there_are() -> None:
     table = results(seeds=8, value=lambda seed, *_: seed / 10)
     table.loc[table["seed"] > 5, "status"] = "REFUSED"
     whole = summarise(results(seeds=6, value=lambda seed, *_: seed / 10), "iou", by=["method"]).iloc[0]
@@ -42,18 +44,18 @@ def test_interval_over_seeds_that_are_not_all_there_is_that_of_those_there_are()
     assert part["low"] == pytest.approx(whole["low"], abs=0.02)
 
 
-def test_rows_of_one_seed_count_as_one():
+def test_rows_of_one_seed_count_as_one() -> None:
     """Ten equal rows a seed tell no more of the scatter over seeds than one."""
     once, often = (results(seeds=6, used=range(n), value=lambda seed, *_: seed / 10) for n in (1, 10))
     pd.testing.assert_frame_equal(summarise(often, "iou", by=["method"]), summarise(once, "iou", by=["method"]))
 
 
-def test_interval_of_a_constant_is_a_point_and_that_of_one_seed_is_not_known():
+def test_interval_of_a_constant_is_a_point_and_that_of_one_seed_is_not_known() -> None:
     assert summarise(results(), "iou", by=[])[["mean", "low", "high"]].to_numpy().tolist() == [[0.5, 0.5, 0.5]]
     assert summarise(results(seeds=1), "iou", by=[])[["low", "high"]].isna().all(axis=None)
 
 
-def test_paired_difference_leaves_out_the_chance_that_the_pairs_share():
+def test_paired_difference_leaves_out_the_chance_that_the_pairs_share() -> None:
     chance = np.random.default_rng(2).normal(0, 10, 8)
     table = results(
         methods=("swept", "lanes"),
@@ -66,13 +68,13 @@ def test_paired_difference_leaves_out_the_chance_that_the_pairs_share():
     assert found[["n", "share_above"]].to_numpy().tolist() == [[8, 1], [8, 1]]
 
 
-def test_pair_with_one_half_refused_is_no_pair():
+def test_pair_with_one_half_refused_is_no_pair() -> None:
     table = results(methods=("swept", "lanes"))
     table.loc[(table["seed"] == 3) & (table["method"] == "swept"), "status"] = "REFUSED"
     assert compare(table, "iou", between="method", against="swept")["n"].tolist() == [7]
 
 
-def test_traces_needed_are_those_from_which_on_all_larger_numbers_suffice():
+def test_traces_needed_are_those_from_which_on_all_larger_numbers_suffice() -> None:
     safe = {1: 8, 2: 4, 5: 8, 10: 8}  # seeds with a safe plan, of 8: one trace was luck
     table = results(used=tuple(safe), value=lambda *_: 0.5)
     table["safe_plan"] = [seed < safe[n] for seed, n in zip(table["seed"], table["crowd.used"], strict=True)]
@@ -83,17 +85,17 @@ def test_traces_needed_are_those_from_which_on_all_larger_numbers_suffice():
 
 
 @pytest.mark.parametrize(("measure", "by"), [("iuo", ["method"]), ("iou", ["speed"])])
-def test_column_that_is_not_there_is_refused_with_those_that_are(measure, by):
+def test_column_that_is_not_there_is_refused_with_those_that_are(measure: str, by) -> None:
     with pytest.raises(InputError, match=r"not in the table; it has .*iou"):
         summarise(results(), measure, by=by)
 
 
-def test_comparison_with_a_level_that_is_not_there_is_refused_with_those_that_are():
+def test_comparison_with_a_level_that_is_not_there_is_refused_with_those_that_are() -> None:
     with pytest.raises(InputError, match=r"method='lanes'; there is \['swept'\]"):
         compare(results(), "iou", between="method", against="lanes")
 
 
-def test_tables_for_papers_escape_what_their_language_reads(tmp_path):
+def test_tables_for_papers_escape_what_their_language_reads(tmp_path: Path) -> None:
     frame = pd.DataFrame({"crowd.used_n": [5], "share|%": [0.123456]})
     assert markdown(frame).splitlines() == ["| crowd.used_n | share\\|% |", "| --- | --- |", "| 5 | 0.1235 |"]
     assert r"crowd.used\_n & share|\% \\" in latex(frame)

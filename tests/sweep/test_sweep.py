@@ -13,12 +13,12 @@ from wzsumo.sweep.store import read_study
 
 
 @pytest.fixture(autouse=True)
-def quick_tasks(monkeypatch):
+def quick_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "simulate", simulate)
     monkeypatch.setattr(engine, "evaluate", evaluate)
 
 
-def test_sweep_simulates_each_fleet_once_and_gives_a_row_a_case_in_the_order_of_the_study(tmp_path):
+def test_sweep_simulates_each_fleet_once_and_gives_a_row_a_case_in_the_order_of_the_study(tmp_path: Path) -> None:
     study, workers = a_study(seed=[1, 2, 3], crowd__used=list(range(1, 21)), crowd__collected=[20]), AtOnce()
     summary, _ = sweep(study, tmp_path, workers)
     assert Counter(name for name, _ in workers.started)["simulate"] == 3
@@ -30,7 +30,7 @@ def test_sweep_simulates_each_fleet_once_and_gives_a_row_a_case_in_the_order_of_
     assert table.attrs["factors"] == ["seed", "crowd.used", "crowd.collected"]
 
 
-def test_cases_of_one_crowd_go_to_one_task_and_a_task_holds_about_a_batch(tmp_path):
+def test_cases_of_one_crowd_go_to_one_task_and_a_task_holds_about_a_batch(tmp_path: Path) -> None:
     study, workers = a_study(methods=("swept", "lanes", "paper"), crowd__used=list(range(1, 26))), AtOnce()
     sweep(study, tmp_path, workers)
     batches = [args[1] for name, args in workers.started if name == "evaluate"]
@@ -39,7 +39,7 @@ def test_cases_of_one_crowd_go_to_one_task_and_a_task_holds_about_a_batch(tmp_pa
     assert sum(map(len, crowds)) == len(set().union(*crowds)) == 25
 
 
-def test_last_tasks_are_small_so_that_no_worker_waits_long_for_another(tmp_path):
+def test_last_tasks_are_small_so_that_no_worker_waits_long_for_another(tmp_path: Path) -> None:
     study, workers = a_study(crowd__used=list(range(1, 41)), gnss__error_m=[0.0, 1.0, 2.0]), AtOnce()
     sweep(study, tmp_path, workers)
     sizes = [len(args[1]) for name, args in workers.started if name == "evaluate"]
@@ -49,7 +49,7 @@ def test_last_tasks_are_small_so_that_no_worker_waits_long_for_another(tmp_path)
     assert sum(sizes[-3:]) <= 3 * SMALLEST_BATCH
 
 
-def test_next_fleet_is_simulated_while_cases_of_the_one_before_are_left(tmp_path):
+def test_next_fleet_is_simulated_while_cases_of_the_one_before_are_left(tmp_path: Path) -> None:
     study, workers = a_study(seed=[1, 2, 3, 4], crowd__used=list(range(1, 31))), AtOnce()
     sweep(study, tmp_path, workers)
     order = [name for name, _ in workers.started]
@@ -58,7 +58,7 @@ def test_next_fleet_is_simulated_while_cases_of_the_one_before_are_left(tmp_path
     assert handed_out < 60
 
 
-def test_second_sweep_does_nothing_and_a_wider_one_only_what_is_missing(tmp_path):
+def test_second_sweep_does_nothing_and_a_wider_one_only_what_is_missing(tmp_path: Path) -> None:
     sweep(a_study(seed=[1, 2]), tmp_path)
     before = (tmp_path / "results.parquet").read_bytes()
     workers = AtOnce()
@@ -70,7 +70,7 @@ def test_second_sweep_does_nothing_and_a_wider_one_only_what_is_missing(tmp_path
     assert read_results(tmp_path)["seed"].tolist() == [1, 2, 3]
 
 
-def test_case_that_fails_whenever_it_runs_is_lost_alone_with_its_reason(tmp_path, monkeypatch):
+def test_case_that_fails_whenever_it_runs_is_lost_alone_with_its_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def fails_at_4(fleet, cases):
         if any(case.scenario.crowd.used == 4 for case in cases):
             raise RuntimeError("four is too much")
@@ -87,7 +87,7 @@ def test_case_that_fails_whenever_it_runs_is_lost_alone_with_its_reason(tmp_path
     assert (again.n_found, again.n_done, again.n_failed) == (7, 8, 0)
 
 
-def test_simulation_that_fails_once_is_tried_again_and_costs_nothing(tmp_path, monkeypatch):
+def test_simulation_that_fails_once_is_tried_again_and_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     tries = []
 
     def fails_first(scenario):
@@ -101,7 +101,7 @@ def test_simulation_that_fails_once_is_tried_again_and_costs_nothing(tmp_path, m
     assert (summary.n_done, summary.n_failed, sorted(tries)) == (2, 0, [1, 1, 2])
 
 
-def test_simulation_that_fails_twice_costs_its_cases_and_no_other(tmp_path, monkeypatch):
+def test_simulation_that_fails_twice_costs_its_cases_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def fails_for_1(scenario):
         if scenario.seed == 1:
             raise RuntimeError("no road")
@@ -118,7 +118,7 @@ def test_simulation_that_fails_twice_costs_its_cases_and_no_other(tmp_path, monk
 @pytest.mark.parametrize(
     "damage", [lambda data: data[: len(data) // 2], lambda data: data[:100] + b"\xff" + data[101:], lambda _data: b""]
 )
-def test_damaged_batch_is_named_put_aside_and_done_again(tmp_path, damage):
+def test_damaged_batch_is_named_put_aside_and_done_again(tmp_path: Path, damage) -> None:
     study = a_study(seed=[1, 2])
     sweep(study, tmp_path)
     whole = (tmp_path / "results.parquet").read_bytes()
@@ -131,7 +131,7 @@ def test_damaged_batch_is_named_put_aside_and_done_again(tmp_path, damage):
     assert batch.with_suffix(".damaged").exists()
 
 
-def test_damaged_or_missing_fleet_is_simulated_again(tmp_path):
+def test_damaged_or_missing_fleet_is_simulated_again(tmp_path: Path) -> None:
     sweep(a_study(seed=[1]), tmp_path)
     fleet = next((tmp_path / "simulations").glob("*.parquet"))
     fleet.write_bytes(fleet.read_bytes()[:-7])
@@ -140,21 +140,21 @@ def test_damaged_or_missing_fleet_is_simulated_again(tmp_path):
     assert [name for name, _ in workers.started] == ["simulate", "evaluate"]
 
 
-def test_fleets_beyond_the_limit_go_and_finished_cases_stay(tmp_path):
+def test_fleets_beyond_the_limit_go_and_finished_cases_stay(tmp_path: Path) -> None:
     limit = 2.5 * len(FLEET) / 1e6
     sweep(a_study(seed=[1, 2, 3, 4]), tmp_path, cache_limit_mb=limit)
     assert len(list((tmp_path / "simulations").glob("*.parquet"))) == 2
     assert len(read_results(tmp_path)) == 4
 
 
-def test_files_that_a_kill_left_half_written_are_cleared_away(tmp_path):
+def test_files_that_a_kill_left_half_written_are_cleared_away(tmp_path: Path) -> None:
     sweep(a_study(seed=[1]), tmp_path)
     (tmp_path / "batches" / ".unfinished-123-x.parquet").write_bytes(b"half")
     sweep(a_study(seed=[1]), tmp_path)
     assert not list(tmp_path.rglob(".unfinished-*"))
 
 
-def test_interrupt_keeps_what_was_finished(tmp_path, monkeypatch):
+def test_interrupt_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     finished = []
 
     def interrupted_at_third(fleet, cases):
@@ -170,7 +170,7 @@ def test_interrupt_keeps_what_was_finished(tmp_path, monkeypatch):
     assert len(finished) == 2
 
 
-def test_folder_of_another_study_or_of_a_run_is_refused(tmp_path):
+def test_folder_of_another_study_or_of_a_run_is_refused(tmp_path: Path) -> None:
     sweep(a_study(), tmp_path / "a")
     with pytest.raises(OutputError, match=r"holds the results of the study 'trial', not of 'other'"):
         sweep(a_study(name="other"), tmp_path / "a")
@@ -180,7 +180,7 @@ def test_folder_of_another_study_or_of_a_run_is_refused(tmp_path):
         sweep(a_study(), tmp_path / "b")
 
 
-def test_folder_of_another_format_is_refused_and_not_touched(tmp_path):
+def test_folder_of_another_format_is_refused_and_not_touched(tmp_path: Path) -> None:
     sweep(a_study(), tmp_path)
     manifest = tmp_path / "study.json"
     manifest.write_text(manifest.read_text().replace('"format": 1', '"format": 0'))
@@ -190,7 +190,7 @@ def test_folder_of_another_format_is_refused_and_not_touched(tmp_path):
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
-def test_results_of_an_older_method_are_not_taken_for_new_ones(tmp_path, monkeypatch):
+def test_results_of_an_older_method_are_not_taken_for_new_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wzsumo.sweep.study_case.code_version", lambda: "0.0.9")
     sweep(a_study(seed=[1]), tmp_path)
     monkeypatch.undo()
@@ -201,7 +201,7 @@ def test_results_of_an_older_method_are_not_taken_for_new_ones(tmp_path, monkeyp
     assert len(read_results(tmp_path)) == 1
 
 
-def test_folder_in_use_is_refused(tmp_path):
+def test_folder_in_use_is_refused(tmp_path: Path):
     class Nested(AtOnce):
         def start(self, function, *args, limit_s):
             with pytest.raises(OutputError, match="another sweep is writing there"):
@@ -211,7 +211,7 @@ def test_folder_in_use_is_refused(tmp_path):
     sweep(a_study(), tmp_path, Nested())
 
 
-def test_full_disk_is_named_and_costs_only_what_could_not_be_written(tmp_path):
+def test_full_disk_is_named_and_costs_only_what_could_not_be_written(tmp_path: Path) -> None:
     """A limit on the size of files is the full disk that a test can have: the system refuses the write."""
     sweep(a_study(seed=[1]), tmp_path)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -226,13 +226,13 @@ def test_full_disk_is_named_and_costs_only_what_could_not_be_written(tmp_path):
     assert (summary.n_found, summary.n_done) == (1, 2)
 
 
-def test_study_of_a_folder_is_the_one_that_was_swept(tmp_path):
+def test_study_of_a_folder_is_the_one_that_was_swept(tmp_path: Path) -> None:
     study = a_study(seed=[1, 2], crowd__used=[3])
     sweep(study, tmp_path)
     assert [case.id for case in read_study(tmp_path).cases] == [case.id for case in study.cases]
 
 
-def test_folder_without_results_is_refused(tmp_path):
+def test_folder_without_results_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no results\.parquet"):
         read_results(tmp_path)
     (tmp_path / "results.parquet").write_bytes(b"PAR1")
@@ -240,7 +240,7 @@ def test_folder_without_results_is_refused(tmp_path):
         read_results(tmp_path)
 
 
-def test_every_column_is_described_in_the_documentation_with_its_unit(tmp_path):
+def test_every_column_is_described_in_the_documentation_with_its_unit(tmp_path: Path) -> None:
     page = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text()
     sweep(a_study(crowd__used=[1]), tmp_path)
     for name in read_results(tmp_path).columns.drop("crowd.used"):

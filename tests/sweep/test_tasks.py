@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pandas as pd
 import pytest
 from sweep_trials import a_study
@@ -29,7 +31,7 @@ def measured(row):
     return {name: row[name] for name in ("case", *MEASURED_COLUMNS) if name in row}
 
 
-def test_row_of_a_case_has_the_figures_of_the_same_case_run_alone(simulated, tmp_path):
+def test_row_of_a_case_has_the_figures_of_the_same_case_run_alone(simulated, tmp_path: Path) -> None:
     study = a_study(drive=True, fixed=SHORT, seed=[21], crowd__used=[3], crowd__penetration=[0.5])
     (row,) = evaluate(simulated, study.cases)
     alone = run_case(study.cases[0].scenario, tmp_path, methods=["swept"], progress=quiet_progress)
@@ -43,7 +45,7 @@ def test_row_of_a_case_has_the_figures_of_the_same_case_run_alone(simulated, tmp
     assert row["fleet_throughput_vph"] == alone["traffic"]["throughput_vph"]
 
 
-def test_cases_evaluated_together_and_alone_give_the_same_rows(simulated):
+def test_cases_evaluated_together_and_alone_give_the_same_rows(simulated) -> None:
     factors = {"seed": [21], "crowd.used": [3], "crowd.penetration": [0.3, 0.6], "gnss.error_m": [0.0, 1.0]}
     study = a_study(fixed=SHORT, methods=("swept", "paper"), **factors)
     together = evaluate(simulated, study.cases)
@@ -51,7 +53,7 @@ def test_cases_evaluated_together_and_alone_give_the_same_rows(simulated):
     pd.testing.assert_frame_equal(pd.DataFrame(map(measured, together)), pd.DataFrame(map(measured, alone)))
 
 
-def test_cases_that_share_a_map_give_the_same_rows_as_alone(simulated):
+def test_cases_that_share_a_map_give_the_same_rows_as_alone(simulated) -> None:
     factors = {"seed": [21], "planner.planned_speed_mps": [10.0, 25.0], "map.resolution_m": [0.25, 0.5]}
     study = a_study(fixed={name: SHORT[name] for name in SHORT if name != "map.resolution_m"}, methods=("swept",), **factors)
     together = evaluate(simulated, study.cases)
@@ -61,20 +63,20 @@ def test_cases_that_share_a_map_give_the_same_rows_as_alone(simulated):
     assert len({row["plan_speed_mps"] for row in together}) == 2
 
 
-def test_more_traces_than_the_fleet_gives_are_a_refused_case_and_not_a_failure(simulated):
+def test_more_traces_than_the_fleet_gives_are_a_refused_case_and_not_a_failure(simulated) -> None:
     done, refused = rows_of(simulated, seed=[21], crowd__used=[1, 500])
     assert (done["status"], refused["status"]) == ("DONE", "REFUSED")
     assert "crowd.used=500 asks for more traces than the fleet gives" in refused["reason"]
 
 
-def test_minutes_to_collect_count_from_the_first_vehicle_to_the_last_equipped_one_that_is_needed(simulated):
+def test_minutes_to_collect_count_from_the_first_vehicle_to_the_last_equipped_one_that_is_needed(simulated) -> None:
     left_at_s = read_simulated(simulated)[0].groupby("vehicle_id")["time_s"].max().sort_values()
     (row,) = rows_of(simulated, seed=[21], crowd__used=[4], crowd__penetration=[1.0])  # everybody is equipped
     assert row["minutes_to_collect"] == pytest.approx((left_at_s.iloc[3] - left_at_s.iloc[0]) / 60)
     assert row["n_equipped"] == len(left_at_s) == row["fleet_n_passed"]
 
 
-def test_lidar_maps_of_one_drive_have_the_figures_of_the_same_case_run_alone(tmp_path):
+def test_lidar_maps_of_one_drive_have_the_figures_of_the_same_case_run_alone(tmp_path: Path) -> None:
     fixed = SHORT | SMALL_LIDAR | {"crowd.used": 1, "crowd.collected": 1}
     study = a_study(fixed=fixed, methods=("slam_raw", "slam_barrier"), seed=[21], slam__scene__faults__missing_share=[0.4])
     assert len({case.source for case in study.cases}) == 1
@@ -88,7 +90,7 @@ def test_lidar_maps_of_one_drive_have_the_figures_of_the_same_case_run_alone(tmp
         assert rows[0][f"slam_{name}"] == rows[1][f"slam_{name}"] == pytest.approx(alone["slam"][name])
 
 
-def test_map_of_before_is_evaluated_once_whatever_the_crowd_and_the_lidar_see(simulated):
+def test_map_of_before_is_evaluated_once_whatever_the_crowd_and_the_lidar_see(simulated) -> None:
     factors = {"seed": [21], "crowd__used": [1, 500], "slam__scene__faults__missing_share": [0.0, 0.4]}
     cases = a_study(fixed=SHORT, methods=("hd_map", "lanes"), **factors).cases
     before, crowd = ([case for case in cases if case.method == name] for name in ("hd_map", "lanes"))

@@ -23,28 +23,28 @@ def workers():
         yield crew
 
 
-def test_a_task_gives_its_result_and_its_process_is_used_again(workers):
+def test_a_task_gives_its_result_and_its_process_is_used_again(workers) -> None:
     pids = [workers.start(os.getpid, limit_s=LIMIT_S).result() for _ in range(2)]
     assert pids[0] == pids[1] != os.getpid()
 
 
-def test_a_task_whose_process_is_killed_is_lost_and_the_next_one_is_not(workers):
+def test_a_task_whose_process_is_killed_is_lost_and_the_next_one_is_not(workers) -> None:
     killed, after = workers.start(kill_self, limit_s=LIMIT_S), workers.start(divide, 6, 3, limit_s=LIMIT_S)
     assert isinstance(killed.exception(), TaskLost)
     assert "signal 9 (SIGKILL)" in str(killed.exception())
     assert after.result() == 2
 
 
-def test_a_task_that_raises_is_lost_with_what_it_raised(workers):
+def test_a_task_that_raises_is_lost_with_what_it_raised(workers) -> None:
     assert str(workers.start(divide, 1, 0, limit_s=LIMIT_S).exception()) == "ZeroDivisionError: division by zero"
 
 
-def test_a_task_that_hangs_is_stopped_at_its_limit(workers):
+def test_a_task_that_hangs_is_stopped_at_its_limit(workers) -> None:
     assert "took longer than 1 s" in str(workers.start(time.sleep, 600, limit_s=1.0).exception())
     assert workers.start(divide, 6, 3, limit_s=LIMIT_S).result() == 2
 
 
-def test_processes_end_with_the_block_even_in_the_middle_of_a_task():
+def test_processes_end_with_the_block_even_in_the_middle_of_a_task() -> None:
     with LocalWorkers(1) as crew:
         pid = crew.start(os.getpid, limit_s=LIMIT_S).result()
         crew.start(time.sleep, 600, limit_s=LIMIT_S)

@@ -18,7 +18,7 @@ def trace(n=200):
     )
 
 
-def test_copies_of_a_trace_on_a_bend_run_beside_it_at_one_offset_each():
+def test_copies_of_a_trace_on_a_bend_run_beside_it_at_one_offset_each() -> None:
     table = with_copies(trace(), copies=3, driver_sd_m=0.25, seed=1)
     # On a circle of 500 m about (0, 500) a place's offset is its distance to the middle.
     radius = np.hypot(table["x_m"], table["y_m"] - 500).groupby(table["vehicle_id"]).agg(["mean", "std"])
@@ -27,12 +27,12 @@ def test_copies_of_a_trace_on_a_bend_run_beside_it_at_one_offset_each():
     assert radius["mean"].nunique() == 4
 
 
-def test_offsets_of_copies_have_the_standard_deviation_of_drivers():
+def test_offsets_of_copies_have_the_standard_deviation_of_drivers() -> None:
     table = with_copies(trace(20), copies=2000, driver_sd_m=0.25, seed=2)
     offsets = np.hypot(table["x_m"], table["y_m"] - 500).groupby(table["vehicle_id"]).mean() - 500
     # The standard error of a standard deviation of n is sd / sqrt(2 n): 1.6 %.
     assert offsets.std() == pytest.approx(0.25, rel=0.05)
 
 
-def test_no_copies_leave_the_traces_as_they_are():
+def test_no_copies_leave_the_traces_as_they_are() -> None:
     pd.testing.assert_frame_equal(with_copies(trace(), copies=0, driver_sd_m=0.25, seed=1), trace(), check_dtype=False)

@@ -42,7 +42,7 @@ def zone_whose_closing_lane_nobody_drove():
     return layout, fit_lane_structure(others, spec=LaneStructureSpec(), before=before_of(layout))
 
 
-def test_lanes_before_and_after_the_zone_take_most_of_the_common_error_away():
+def test_lanes_before_and_after_the_zone_take_most_of_the_common_error_away() -> None:
     # 20 traces of 2 m leave the mean of their biases, 0.4 m, in a map without an anchor; 350 m of known lanes tell it.
     layout, alone, joined = zone_layout(), [], []
     for seed in range(4):
@@ -54,7 +54,7 @@ def test_lanes_before_and_after_the_zone_take_most_of_the_common_error_away():
     assert np.sqrt(np.mean(np.square(joined))) < 0.75 * np.sqrt(np.mean(np.square(alone)))
 
 
-def test_drivers_still_on_their_way_back_behind_the_last_device_do_not_shift_the_lanes():
+def test_drivers_still_on_their_way_back_behind_the_last_device_do_not_shift_the_lanes() -> None:
     # One lane past the work over the opposing one; 30 of the 50 m known behind it are taken up by the way back.
     spec = RoadSpec(
         lane_count=1, lane_width_ft=12, opposing_lane_count=1, left_shoulder_ft=6, right_shoulder_ft=6, length_ft=3600
@@ -75,7 +75,7 @@ def test_drivers_still_on_their_way_back_behind_the_last_device_do_not_shift_the
     assert beside == pytest.approx(road.lane_centre(0) + width, abs=0.05)
 
 
-def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyond():
+def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyond() -> None:
     layout, model = zone_whose_closing_lane_nobody_drove()
     taper = layout.area("merging taper")
     along = np.array([taper.start - 10.0, taper.start, taper.end + 60.0])
@@ -84,7 +84,7 @@ def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyon
     assert p[2] >= 0.5
 
 
-def test_trace_mistaken_to_drive_in_the_closed_lane_beside_the_work_does_not_hold_its_taper_open():
+def test_trace_mistaken_to_drive_in_the_closed_lane_beside_the_work_does_not_hold_its_taper_open() -> None:
     _, model = zone_whose_closing_lane_nobody_drove()
     assert model.levels.closed == ()
     mistaken = model.levels.lanes.copy()
@@ -100,7 +100,7 @@ def test_trace_mistaken_to_drive_in_the_closed_lane_beside_the_work_does_not_hol
     np.testing.assert_array_equal(lines[1].probability, lines[0].probability)
 
 
-def test_course_that_most_traces_leave_for_good_becomes_their_change_of_lanes():
+def test_course_that_most_traces_leave_for_good_becomes_their_change_of_lanes() -> None:
     stations = np.arange(0.0, 1000.0, 10.0)
     road = RoadSpec(lane_count=3, lane_width_ft=12, left_shoulder_ft=10, right_shoulder_ft=10, length_ft=4000).build()
     before = MapBefore(road=road, start=100.0, end=900.0)
@@ -117,7 +117,7 @@ def test_course_that_most_traces_leave_for_good_becomes_their_change_of_lanes():
     np.testing.assert_allclose(level.course + 3.6576 * level.lanes + level.levels[:, None], offsets, atol=1e-9)
 
 
-def test_closed_lane_opens_where_the_zone_is_announced_to_end():
+def test_closed_lane_opens_where_the_zone_is_announced_to_end() -> None:
     layout = zone_layout()
     model = fit_lane_structure(drive(layout, 8, seed=2).traces, spec=LaneStructureSpec(), before=before_of(layout))
     middle = np.full(2, layout.road.lane_centre(1))
@@ -126,7 +126,7 @@ def test_closed_lane_opens_where_the_zone_is_announced_to_end():
     assert p[1] < 0.2
 
 
-def test_update_keeps_what_was_known_of_the_road():
+def test_update_keeps_what_was_known_of_the_road() -> None:
     layout = zone_layout()
     traces = drive(layout, 12, seed=1).traces
     late = traces["vehicle_id"].isin(["v10", "v11"])
@@ -136,7 +136,7 @@ def test_update_keeps_what_was_known_of_the_road():
     assert updated.ends.closing.keys() == model.ends.closing.keys()
 
 
-def test_announced_zone_that_ends_before_it_begins_is_refused():
+def test_announced_zone_that_ends_before_it_begins_is_refused() -> None:
     road = RoadSpec(lane_count=2, left_shoulder_ft=10, right_shoulder_ft=10, length_ft=3000).build()
     with pytest.raises(TraceError, match="must begin before it ends"):
         MapBefore(road=road, start=500.0, end=400.0)
@@ -144,7 +144,7 @@ def test_announced_zone_that_ends_before_it_begins_is_refused():
 
 # MUTCD 11th ed., Table 6B-3: a shoulder's taper is a third of L for its own width. Ahead of lanes without a shoulder: none.
 @pytest.mark.parametrize(("shoulder", "end_m"), [(0.0, 700.0), (1.0, 700.0 + 200.0 / 3)])
-def test_line_of_an_announced_zone_ends_where_the_manual_puts_it(shoulder, end_m):
+def test_line_of_an_announced_zone_ends_where_the_manual_puts_it(shoulder: float, end_m: float) -> None:
     announcement = Announcement(station=500.0, lanes_before=0, shoulder=shoulder)
     nobody = np.empty((0, 100))
     line = fit_taper_line(
@@ -164,11 +164,11 @@ def beyond_the_announced_line(n, *, doubt):
     )  # fmt: skip
 
 
-def test_vehicles_that_drove_on_beyond_the_announced_line_move_it():
+def test_vehicles_that_drove_on_beyond_the_announced_line_move_it() -> None:
     assert beyond_the_announced_line(4, doubt=0.0).end > 950.0
 
 
-def test_line_that_many_vehicles_moved_lies_just_beyond_the_last_of_them():
+def test_line_that_many_vehicles_moved_lies_just_beyond_the_last_of_them() -> None:
     # Twenty who leave the lane one after the other over 300 m: a line 200 m beyond them all would be a coincidence.
     stations = np.arange(0.0, 1400.0, 10.0)
     leave = np.linspace(550.0, 850.0, 20)
@@ -180,7 +180,7 @@ def test_line_that_many_vehicles_moved_lies_just_beyond_the_last_of_them():
     assert 960 < line.end < 1060
 
 
-def test_vehicle_that_may_have_been_in_another_lane_does_not_move_the_announced_line():
+def test_vehicle_that_may_have_been_in_another_lane_does_not_move_the_announced_line() -> None:
     assert beyond_the_announced_line(1, doubt=0.3).end == pytest.approx(700, abs=40)
 
 
@@ -205,16 +205,16 @@ def anchored_with(n_lanes, *, right, closed=(), shifts=()):
 LANE_1_M, LANE_2_M = 1.8288, 5.4864  # middles of three lanes of 12 ft
 
 
-def test_announced_zone_is_unlikely_to_leave_all_lanes_of_the_road_open():
+def test_announced_zone_is_unlikely_to_leave_all_lanes_of_the_road_open() -> None:
     # One of MUTCD's six drawings of stationary work on a freeway does.
     ratio = np.exp(anchored_with(3, right=LANE_1_M) - anchored_with(2, right=LANE_1_M))
     assert ratio == pytest.approx(0.2, rel=0.6)
 
 
-def test_lanes_are_unlikely_to_close_on_both_sides():
+def test_lanes_are_unlikely_to_close_on_both_sides() -> None:
     assert anchored_with(1, right=LANE_2_M) < anchored_with(1, right=LANE_1_M) - 2
 
 
-def test_lanes_that_shift_to_the_right_are_unlikely_to_pass_a_lane_that_is_closed_there():
+def test_lanes_that_shift_to_the_right_are_unlikely_to_pass_a_lane_that_is_closed_there() -> None:
     right = (Shift(start=300.0, end=400.0, size=-3.0), Shift(start=700.0, end=800.0, size=3.0))
     assert anchored_with(2, right=LANE_2_M, shifts=right) < anchored_with(2, right=LANE_1_M, shifts=right) - 2

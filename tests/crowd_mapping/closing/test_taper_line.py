@@ -21,11 +21,11 @@ def fitted(leavers, *, kink=None):
 
 # MUTCD 11th ed., Table 6B-4: 12 ft at 40 mph 320 ft, at 60 mph 720 ft.
 @pytest.mark.parametrize(("speed_mph", "length_ft"), [(40, 320), (60, 720)])
-def test_taper_length_matches_the_manual(speed_mph, length_ft):
+def test_taper_length_matches_the_manual(speed_mph: int, length_ft: int) -> None:
     assert merging_taper_m(speed_mph * 0.44704, width_m=3.6576) == pytest.approx(length_ft * 0.3048, rel=1e-3)
 
 
-def test_line_lies_beyond_every_vehicle_that_was_still_in_the_lane():
+def test_line_lies_beyond_every_vehicle_that_was_still_in_the_lane() -> None:
     line = fitted([leaver(400.0), leaver(300.0)])
     # Body's outer side at 3/4 of the lane at s = 400: a line of 200 m that clears it ends at 400 + 0.75 * 200 or later.
     chance = line.open_beyond(np.array([390.0, 400.0]), np.array([0.7, 0.7]))
@@ -33,13 +33,13 @@ def test_line_lies_beyond_every_vehicle_that_was_still_in_the_lane():
     assert line.end > 400 + 0.75 * 200 - 10
 
 
-def test_more_vehicles_narrow_the_belief():
+def test_more_vehicles_narrow_the_belief() -> None:
     random = np.random.default_rng(0)
     few, many = (fitted([leaver(500 - gap) for gap in random.exponential(80, n)]) for n in (2, 40))
     assert many.end_sd < few.end_sd
 
 
-def test_belief_covers_the_true_end_as_often_as_it_says():
+def test_belief_covers_the_true_end_as_often_as_it_says() -> None:
     random = np.random.default_rng(1)
     ranks = []
     for _ in range(150):
@@ -53,14 +53,14 @@ def test_belief_covers_the_true_end_as_often_as_it_says():
     assert 0.35 < np.mean(ranks) < 0.65
 
 
-def test_kink_ahead_draws_the_line_to_it():
+def test_kink_ahead_draws_the_line_to_it() -> None:
     free = fitted([leaver(300.0)])
     drawn = fitted([leaver(300.0)], kink=480.0)
     assert abs(drawn.end - 480.0) < abs(free.end - 480.0)
     assert drawn.end_sd < free.end_sd
 
 
-def test_chance_falls_along_the_road_and_towards_the_outer_edge():
+def test_chance_falls_along_the_road_and_towards_the_outer_edge() -> None:
     line = fitted([leaver(300.0), leaver(350.0)])
     along = line.open_beyond(STATIONS, np.full(len(STATIONS), 0.5))
     assert (np.diff(along) <= 1e-12).all()
@@ -70,7 +70,7 @@ def test_chance_falls_along_the_road_and_towards_the_outer_edge():
     assert along[-1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_blurred_gap_has_the_density_of_an_exponentially_modified_gaussian():
+def test_blurred_gap_has_the_density_of_an_exponentially_modified_gaussian() -> None:
     gap, scale = np.linspace(-40, 300, 50), 60.0
     expected = exponnorm.pdf(gap, scale / STATION_SD_M, scale=STATION_SD_M)
     np.testing.assert_allclose(_shifted_exponential(gap, scale), expected, rtol=1e-9)

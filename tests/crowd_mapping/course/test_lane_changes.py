@@ -47,7 +47,7 @@ def changes_in(lanes):
 
 @pytest.mark.parametrize("bias", [-3.0, 0.0, 2.0])
 @pytest.mark.parametrize("changes", [[], [(40, -1)], [(40, 1)], [(20, 1), (90, -1)], [(30, -1), (60, -1)]])
-def test_changes_are_found_whatever_the_bias(changes, bias):
+def test_changes_are_found_whatever_the_bias(changes, bias: float) -> None:
     v, lanes = trace(140, changes=changes, bias=bias, drift=0.08, noise=0.2, width=3.5, seed=3)
     found, _ = relative_lanes(v[None], np.full(140, 3.5), drift_variance=0.08**2, white_variance=0.2**2)
     assert np.abs(found[0] - lanes).max() < 0.6
@@ -56,7 +56,7 @@ def test_changes_are_found_whatever_the_bias(changes, bias):
 
 @settings(max_examples=15)
 @given(seed=st.integers(0, 1000), at=st.integers(3, 20), side=st.sampled_from([-1, 0, 1]))
-def test_cost_is_that_of_the_lanes_found_and_hardly_above_the_best_of_all_single_changes(seed, at, side):
+def test_cost_is_that_of_the_lanes_found_and_hardly_above_the_best_of_all_single_changes(seed: int, at: int, side) -> None:
     n = 30
     v, _ = trace(n, changes=[(at, side)] if side else [], bias=0.3, drift=0.05, noise=0.2, width=3.5, seed=seed)
     found, cost = relative_lanes(v[None], np.full(n, 3.5), drift_variance=0.05**2, white_variance=0.2**2)
@@ -72,14 +72,14 @@ def test_cost_is_that_of_the_lanes_found_and_hardly_above_the_best_of_all_single
 
 @pytest.mark.parametrize("side", [-1, 1])
 @pytest.mark.parametrize("missed", [1, 2, 3, 4])
-def test_trace_that_begins_in_a_change_counts_its_lanes_from_the_nearer_one(missed, side):
+def test_trace_that_begins_in_a_change_counts_its_lanes_from_the_nearer_one(missed: int, side: int) -> None:
     v, lanes = trace(80 + missed, changes=[(0, side)], bias=1.0, drift=0.02, noise=0.05, width=3.5, seed=missed)
     found, _ = relative_lanes(v[None, missed:], np.full(80, 3.5), drift_variance=0.02**2, white_variance=0.05**2)
     assert np.abs(found[0] - (lanes[missed:] - np.rint(lanes[missed]))).max() < 0.15
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_merge_is_told_from_errors_that_turn_on_a_bend(seed):
+def test_merge_is_told_from_errors_that_turn_on_a_bend(seed) -> None:
     random = np.random.default_rng(seed)
     bearing = np.linspace(-1.0, 1.0, 100)
     turning = np.column_stack([-np.sin(bearing), np.cos(bearing) - 1.0])
@@ -92,7 +92,7 @@ def test_merge_is_told_from_errors_that_turn_on_a_bend(seed):
     assert cost == pytest.approx(twin, abs=1e-6)
 
 
-def test_missing_stations_do_not_hide_a_change():
+def test_missing_stations_do_not_hide_a_change() -> None:
     v, _ = trace(140, changes=[(60, -1)], bias=1.0, drift=0.05, noise=0.2, width=3.5, seed=1)
     sparse = np.full(140, np.nan)
     sparse[4::8] = v[4::8]  # a fix every 80 m
@@ -101,7 +101,7 @@ def test_missing_stations_do_not_hide_a_change():
     assert found[0, 120] == -1
 
 
-def test_slow_drift_of_a_whole_lane_is_no_change():
+def test_slow_drift_of_a_whole_lane_is_no_change() -> None:
     v = np.linspace(0, 3.5, 140)
     found, _ = relative_lanes(v[None], np.full(140, 3.5), drift_variance=0.1**2, white_variance=0.2**2)
     np.testing.assert_array_equal(found, 0.0)

@@ -35,16 +35,16 @@ def odd_among(offsets):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_vehicle_that_is_half_over_a_line_for_hundreds_of_metres_is_told_from_those_who_change_lanes(seed):
+def test_vehicle_that_is_half_over_a_line_for_hundreds_of_metres_is_told_from_those_who_change_lanes(seed) -> None:
     assert odd_among(np.vstack([keepers(9, seed=seed), HALF])) == [9]
 
 
 @pytest.mark.parametrize("error_m", [0.0, 1.0, 2.0])
-def test_nobody_is_odd_among_vehicles_in_lanes_whatever_the_positioning_error(error_m):
+def test_nobody_is_odd_among_vehicles_in_lanes_whatever_the_positioning_error(error_m: float) -> None:
     assert odd_among(keepers(30, seed=5, error_m=error_m)) == []
 
 
-def test_lanes_are_what_they_are_without_the_vehicle_that_drove_in_none_and_it_is_named():
+def test_lanes_are_what_they_are_without_the_vehicle_that_drove_in_none_and_it_is_named() -> None:
     clean = keepers(9, seed=1)
     without = fit_lane_structure(as_traces(clean), spec=LaneStructureSpec())
     model = fit_lane_structure(as_traces(np.vstack([clean, HALF])), spec=LaneStructureSpec())
@@ -54,7 +54,7 @@ def test_lanes_are_what_they_are_without_the_vehicle_that_drove_in_none_and_it_i
     assert model.levels.width == pytest.approx(without.levels.width, abs=0.02)
 
 
-def test_update_leaves_out_a_vehicle_that_drove_in_no_lane_and_keeps_the_others():
+def test_update_leaves_out_a_vehicle_that_drove_in_no_lane_and_keeps_the_others() -> None:
     model = fit_lane_structure(as_traces(keepers(9, seed=2)), spec=LaneStructureSpec())
     further = np.vstack([keepers(1, seed=3), HALF])
     after = update(model, as_traces(further), keep=1.0)

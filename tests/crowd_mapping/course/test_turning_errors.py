@@ -17,12 +17,12 @@ def seen(errors, *, noise_m, seed, missing=0.5):
     return rest, turning
 
 
-def test_straight_road_turns_no_errors():
+def test_straight_road_turns_no_errors() -> None:
     assert turning_of(two_lane_road(), STATIONS) is None
 
 
 @pytest.mark.parametrize("error_en", [(1.5, 0.0), (0.0, -1.0), (-0.8, 0.6)])
-def test_turning_is_what_the_road_makes_of_points_that_are_all_moved_alike(error_en):
+def test_turning_is_what_the_road_makes_of_points_that_are_all_moved_alike(error_en) -> None:
     points = ROAD.to_xy(STATIONS, np.zeros(100))
     _, moved = ROAD.to_sd(points + error_en)
     bearing = np.unwrap(ROAD.heading_at(STATIONS))
@@ -33,7 +33,7 @@ def test_turning_is_what_the_road_makes_of_points_that_are_all_moved_alike(error
     np.testing.assert_allclose(across + turning_of(ROAD, STATIONS) @ [along, across], moved, atol=0.02)
 
 
-def test_errors_taken_away_are_those_of_generalised_least_squares():
+def test_errors_taken_away_are_those_of_generalised_least_squares() -> None:
     rest, turning = seen(1.2 * np.random.default_rng(0).standard_normal((5, 2)), noise_m=0.3, seed=1)
     added = added_by_errors(rest, turning, noise_m=0.3, error_m=1.2)
     for row, got in zip(rest, added, strict=True):
@@ -45,7 +45,7 @@ def test_errors_taken_away_are_those_of_generalised_least_squares():
 
 
 @pytest.mark.parametrize("error_m", [0.9, 1.8])
-def test_size_of_errors_is_found_and_little_of_them_is_left(error_m):
+def test_size_of_errors_is_found_and_little_of_them_is_left(error_m: float) -> None:
     errors = error_m * np.random.default_rng(2).standard_normal((40, 2))
     rest, turning = seen(errors, noise_m=error_m / 4, seed=3)
     size = size_of_errors(rest, turning, noise_m=error_m / 4, usual_m=1.3, weights=np.ones(40))
@@ -55,7 +55,7 @@ def test_size_of_errors_is_found_and_little_of_them_is_left(error_m):
     assert np.std(left - left.mean(axis=1, keepdims=True)) < 0.35 * np.std(errors @ turning.T)
 
 
-def test_usual_size_follows_the_scatter_and_not_lanes_or_courses():
+def test_usual_size_follows_the_scatter_and_not_lanes_or_courses() -> None:
     random = np.random.default_rng(4)
     lanes = 3.6 * (np.arange(100) > random.integers(20, 80, (30, 1)))
     course = np.interp(np.arange(100), [0, 40, 52, 100], [0.0, 0.0, 3.0, 3.0])

@@ -52,7 +52,7 @@ def cost_written_out(lanes, pattern, closes, opens):
 
 
 @pytest.mark.parametrize("pattern", PATTERNS, ids=str)
-def test_chances_of_lanes_equal_the_rules_written_out(pattern):
+def test_chances_of_lanes_equal_the_rules_written_out(pattern) -> None:
     lanes = wandering(4)
     closures = ANYWHERE.closures(pattern)
     costs = change_costs(evidence_of(lanes), pattern, closures=closures)
@@ -63,6 +63,6 @@ def test_chances_of_lanes_equal_the_rules_written_out(pattern):
         np.testing.assert_allclose(-np.log(costs.fit[:, p]), expected, atol=1e-9)
 
 
-def test_lanes_that_a_trace_was_ever_in_follow_from_its_first():
+def test_lanes_that_a_trace_was_ever_in_follow_from_its_first() -> None:
     costs = change_costs(evidence_of(np.array([[0, 0, 1, 1]])), LanePattern(3, ()), closures=one_closure(0, 0))
     np.testing.assert_array_equal(costs.ever[0], [[1, 1, 0], [0, 1, 1], [0, 0, 1]])

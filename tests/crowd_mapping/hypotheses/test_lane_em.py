@@ -25,7 +25,7 @@ def likelihood(random, *, lanes):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_expectation_equals_the_sums_written_out(seed):
+def test_expectation_equals_the_sums_written_out(seed) -> None:
     random = np.random.default_rng(seed)
     lanes = random.integers(1, 5)
     seen = likelihood(random, lanes=lanes)
@@ -60,7 +60,7 @@ def regressed(seen, first, places, prior):
 
 
 @pytest.mark.parametrize(("seed", "rounds"), [(0, 1), (1, 2), (2, 4)])
-def test_rounds_equal_expectations_and_regressions_in_turn(seed, rounds):
+def test_rounds_equal_expectations_and_regressions_in_turn(seed: int, rounds: int) -> None:
     random = np.random.default_rng(seed)
     seen = likelihood(random, lanes=3)
     prior = LanePrior(width=(3.6, 0.12), usual_spread=0.5, counts=np.array([3.0, 3.0, 0.5]))
@@ -74,7 +74,7 @@ def test_rounds_equal_expectations_and_regressions_in_turn(seed, rounds):
     np.testing.assert_allclose(fitted.precision, precision, rtol=1e-9)
 
 
-def test_more_rounds_do_not_lower_the_posterior():
+def test_more_rounds_do_not_lower_the_posterior() -> None:
     seen = likelihood(np.random.default_rng(7), lanes=2)
     prior = LanePrior(width=(3.6, 0.12), usual_spread=0.5, counts=np.array([3.0, 0.5]))
     start = LanePlaces(right=0.0, width=3.6, spread=0.5, shares=np.full(2, 0.5))
@@ -83,7 +83,7 @@ def test_more_rounds_do_not_lower_the_posterior():
     assert (np.diff(posterior) > -0.05).all()
 
 
-def test_traces_of_weight_0_change_nothing():
+def test_traces_of_weight_0_change_nothing() -> None:
     seen = likelihood(np.random.default_rng(3), lanes=2)
     prior = LanePrior(width=(3.6, 0.12), usual_spread=0.5, counts=np.array([3.0, 0.5]))
     start = LanePlaces(right=0.0, width=3.6, spread=0.5, shares=np.full(2, 0.5))

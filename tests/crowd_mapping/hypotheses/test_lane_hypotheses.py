@@ -34,7 +34,7 @@ def drivers(n, *, n_open, n_closed, spread, seed, closes=CLOSES):
 
 @pytest.mark.parametrize(("spread", "n"), [(0.2, 8), (1.0, 30)])
 @pytest.mark.parametrize(("n_open", "n_closed"), [(1, 1), (2, 1), (1, 2)])
-def test_open_and_closed_lanes_are_told_apart_up_to_an_error_of_1_m(n_open, n_closed, spread, n):
+def test_open_and_closed_lanes_are_told_apart_up_to_an_error_of_1_m(n_open: int, n_closed: int, spread: float, n: int) -> None:
     best = likely_hypotheses(
         drivers(n, n_open=n_open, n_closed=n_closed, spread=spread, seed=3), ANYWHERE, n_open=None, least_closed=0
     )[0]
@@ -45,24 +45,24 @@ def test_open_and_closed_lanes_are_told_apart_up_to_an_error_of_1_m(n_open, n_cl
     assert best.closes == pytest.approx(CLOSES, abs=15)
 
 
-def test_lanes_without_a_closure_are_open_all_along():
+def test_lanes_without_a_closure_are_open_all_along() -> None:
     # Who keeps to two lanes says nothing of a third.
     best = likely_hypotheses(drivers(10, n_open=2, n_closed=0, spread=0.2, seed=1), ANYWHERE, n_open=None, least_closed=0)[0]
     assert best.pattern == LanePattern(2, ())
 
 
-def test_first_lanes_follow_the_levels_where_they_are_exact():
+def test_first_lanes_follow_the_levels_where_they_are_exact() -> None:
     evidence = drivers(12, n_open=2, n_closed=1, spread=0.15, seed=5)
     best = likely_hypotheses(evidence, ANYWHERE, n_open=None, least_closed=0)[0]
     np.testing.assert_array_equal(best.first.argmax(axis=1), np.rint((evidence.levels - 1.0) / 3.6))
 
 
-def test_known_number_of_open_lanes_is_kept():
+def test_known_number_of_open_lanes_is_kept() -> None:
     evidence = drivers(10, n_open=2, n_closed=1, spread=0.2, seed=2)
     assert {fit.pattern.n_open for fit in likely_hypotheses(evidence, ANYWHERE, n_open=3, least_closed=0)} == {3}
 
 
-def test_likely_hypotheses_differ_and_descend():
+def test_likely_hypotheses_differ_and_descend() -> None:
     fits = likely_hypotheses(drivers(5, n_open=2, n_closed=1, spread=1.5, seed=4), ANYWHERE, n_open=None, least_closed=0)
     evidence = [fit.log_evidence for fit in fits]
     assert evidence == sorted(evidence, reverse=True)
@@ -72,7 +72,7 @@ def test_likely_hypotheses_differ_and_descend():
 
 
 @pytest.mark.parametrize("n_open", [2, 3])
-def test_lanes_are_counted_by_the_ways_that_changes_went_where_levels_overlap(n_open):
+def test_lanes_are_counted_by_the_ways_that_changes_went_where_levels_overlap(n_open: int) -> None:
     # At 2 m the levels of two lanes and of three look alike; but nobody leaves an outermost lane outwards.
     right = 0
     for seed in range(6):
@@ -90,21 +90,21 @@ def test_lanes_are_counted_by_the_ways_that_changes_went_where_levels_overlap(n_
     assert right >= 5
 
 
-def test_two_of_ten_who_drive_all_along_beside_the_others_have_a_lane_of_their_own():
+def test_two_of_ten_who_drive_all_along_beside_the_others_have_a_lane_of_their_own() -> None:
     evidence = drivers(10, n_open=1, n_closed=0, spread=0.2, seed=6)
     levels = evidence.levels + np.where(np.arange(10) < 2, 3.6, 0.0)
     best = likely_hypotheses(replace(evidence, levels=levels), ANYWHERE, n_open=None, least_closed=0)[0]
     assert best.pattern == LanePattern(2, ())
 
 
-def test_two_wide_lanes_are_not_lost_among_more_narrow_ones_where_levels_scatter_by_2_m():
+def test_two_wide_lanes_are_not_lost_among_more_narrow_ones_where_levels_scatter_by_2_m() -> None:
     # A search that begins with a narrow spread never gets to wide lanes: they looked hopeless after its first rounds.
     fits = likely_hypotheses(drivers(100, n_open=2, n_closed=0, spread=2.0, seed=0), ANYWHERE, n_open=None, least_closed=0)
     assert LanePattern(2, ()) in {fit.pattern for fit in fits}
     assert fits[0].pattern.n_lanes == 2
 
 
-def test_drivers_who_leave_a_lane_beside_the_work_do_not_move_a_closure_that_is_announced():
+def test_drivers_who_leave_a_lane_beside_the_work_do_not_move_a_closure_that_is_announced() -> None:
     evidence = drivers(12, n_open=1, n_closed=1, spread=0.2, seed=7)
     lanes = evidence.lanes.copy()
     lanes[[1, 3, 5], :70] = 0  # three of the six who came in the closing lane, 300 m longer than the others

@@ -45,7 +45,7 @@ def second_derivatives(function, at, step=1e-3):
 
 
 @pytest.mark.parametrize("spread", [0.3, 1.8])
-def test_covariance_is_that_of_the_posteriors_second_derivatives(spread):
+def test_covariance_is_that_of_the_posteriors_second_derivatives(spread: float) -> None:
     seen = levels_in_three_lanes(80, spread=spread, seed=2)
     fit = fitted(seen)
     shares = np.log(fit.places.shares)
@@ -54,13 +54,13 @@ def test_covariance_is_that_of_the_posteriors_second_derivatives(spread):
     np.testing.assert_allclose(covariance_of(fit, seen, PRIOR), np.linalg.inv(-hessian)[:2, :2], rtol=0.05)
 
 
-def test_lanes_that_are_told_apart_are_known_as_if_their_traces_said_so():
+def test_lanes_that_are_told_apart_are_known_as_if_their_traces_said_so() -> None:
     seen = levels_in_three_lanes(80, spread=0.3, seed=2)
     fit = fitted(seen)
     np.testing.assert_allclose(covariance_of(fit, seen, PRIOR), np.linalg.inv(fit.precision), rtol=1e-3)
 
 
-def test_lanes_that_overlap_are_known_less_well():
+def test_lanes_that_overlap_are_known_less_well() -> None:
     seen = levels_in_three_lanes(80, spread=1.8, seed=2)
     fit = fitted(seen)
     assert covariance_of(fit, seen, PRIOR)[0, 0] > 1.5 * np.linalg.inv(fit.precision)[0, 0]

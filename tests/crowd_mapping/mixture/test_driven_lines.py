@@ -9,7 +9,7 @@ from wzsumo.grid import blank_grid
 STRAIGHT = axis_of(np.array([[0.0, 0.0], [240.0, 0.0]]))
 
 
-def test_line_of_a_component_is_as_long_as_the_uniform_stretch_of_the_same_variance():
+def test_line_of_a_component_is_as_long_as_the_uniform_stretch_of_the_same_variance() -> None:
     # 60 m uniform along 30 degrees: variance 60^2 / 12 along, 0.2^2 across.
     turn = np.deg2rad(30)
     axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
@@ -22,7 +22,7 @@ def test_line_of_a_component_is_as_long_as_the_uniform_stretch_of_the_same_varia
     assert (line[1] - line[0]) @ axes[:, 1] == pytest.approx(0, abs=1e-9)
 
 
-def test_broad_component_of_a_few_strays_is_neither_swept_nor_a_guide():
+def test_broad_component_of_a_few_strays_is_neither_swept_nor_a_guide() -> None:
     # Two stretches of lane of 120 m with half of the fixes each, and 0.3 % of them scattered over 880 x 8 m.
     stretch = np.diag([120**2 / 12, 0.01])
     mixture = Mixture(
@@ -40,7 +40,7 @@ def test_broad_component_of_a_few_strays_is_neither_swept_nor_a_guide():
     assert reach - 0.25 < np.abs(y[free.any(axis=1)] - 2.0).max() <= reach
 
 
-def test_queue_at_a_stop_line_does_not_make_strays_of_the_lanes_beyond():
+def test_queue_at_a_stop_line_does_not_make_strays_of_the_lanes_beyond() -> None:
     # Twelve components gather 90 % of the fixes on 10 m before a stop line, two the moving vehicles on 300 m.
     queue = np.diag([(10 / 12) ** 2 / 12, 0.01])
     mixture = Mixture(
@@ -52,7 +52,7 @@ def test_queue_at_a_stop_line_does_not_make_strays_of_the_lanes_beyond():
     assert stands_for_a_stretch(mixture).all()
 
 
-def test_stretch_of_a_bend_is_swept_along_its_arc():
+def test_stretch_of_a_bend_is_swept_along_its_arc() -> None:
     # 120 m of a bend of 300 m radius about (0, 300), driven 2 m to the left of its axis: a chord would leave the arc by 6 m.
     radius, turn = 300.0, np.linspace(0, 0.6, 200)
     bend = axis_of(np.column_stack([radius * np.sin(turn), radius * (1 - np.cos(turn))]))

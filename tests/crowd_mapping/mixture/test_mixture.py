@@ -64,7 +64,7 @@ def em_twin(points, weights, means, covariances, reg_covar):
 
 @pytest.mark.parametrize("k", [1, 4, 12])
 @pytest.mark.parametrize("seed", [0, 1])
-def test_fit_from_same_start_equals_scikit_learn(k, seed):
+def test_fit_from_same_start_equals_scikit_learn(k: int, seed: int) -> None:
     points = strips(3000, seed=seed)
     start = start_for(points, k)
     expected = sklearn_fit(points, start, max_iter=500)
@@ -78,7 +78,7 @@ def test_fit_from_same_start_equals_scikit_learn(k, seed):
     np.testing.assert_allclose(ours.log_density(points), expected.score_samples(points), atol=1e-7)
 
 
-def test_fit_stopped_at_max_iterations_says_so_and_equals_scikit_learn():
+def test_fit_stopped_at_max_iterations_says_so_and_equals_scikit_learn() -> None:
     points = strips(2000, seed=3)
     start = start_for(points, 6)
     with pytest.warns(ConvergenceWarning):
@@ -90,7 +90,7 @@ def test_fit_stopped_at_max_iterations_says_so_and_equals_scikit_learn():
 
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), k=st.integers(1, 6), n=st.integers(20, 400), turn=st.floats(0, np.pi))
-def test_one_em_pass_equals_textbook_twin(seed, k, n, turn):
+def test_one_em_pass_equals_textbook_twin(seed: int, k: int, n: int, turn: float) -> None:
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     points = strips(n, seed=seed) @ axes
     start = start_for(points, k)
@@ -101,7 +101,7 @@ def test_one_em_pass_equals_textbook_twin(seed, k, n, turn):
     np.testing.assert_allclose(ours.covariances, covariances, atol=1e-5, rtol=1e-7)
 
 
-def test_components_far_from_a_block_change_nothing():
+def test_components_far_from_a_block_change_nothing() -> None:
     # The pruned sums over blocks against the full sums: narrow, far components are the ones left out.
     points = strips(4000, seed=5)
     blocks = block_points(points)
@@ -115,7 +115,7 @@ def test_components_far_from_a_block_change_nothing():
     assert ours == pytest.approx(expected, rel=1e-12)
 
 
-def test_fit_far_from_the_origin_equals_fit_at_the_origin():
+def test_fit_far_from_the_origin_equals_fit_at_the_origin() -> None:
     points, far = strips(2000, seed=1), np.array([500_000.0, 4_400_000.0])
     here = fit_mixture(points, n_components=5, seed=4)
     there = fit_mixture(points + far, n_components=5, seed=4)
@@ -124,7 +124,7 @@ def test_fit_far_from_the_origin_equals_fit_at_the_origin():
     np.testing.assert_allclose(there.log_density(points + far), here.log_density(points), atol=1e-4)
 
 
-def test_fit_from_responsibilities_starts_with_their_moments():
+def test_fit_from_responsibilities_starts_with_their_moments() -> None:
     points = strips(500, seed=2)
     shares = np.random.default_rng(0).dirichlet([1, 1, 1], size=500)
     ours = fit_mixture(points, n_components=3, seed=0, start=shares, max_iterations=0)
@@ -135,20 +135,20 @@ def test_fit_from_responsibilities_starts_with_their_moments():
         np.testing.assert_allclose(ours.covariances[j], expected + 1e-6 * np.eye(2), atol=1e-7)
 
 
-def test_more_restarts_are_never_less_likely():
+def test_more_restarts_are_never_less_likely() -> None:
     points = strips(1000, seed=8)
     one, five = (fit_mixture(points, n_components=6, seed=3, n_init=n) for n in (1, 5))
     assert five.log_likelihood >= one.log_likelihood
 
 
-def test_same_seed_gives_the_same_bytes():
+def test_same_seed_gives_the_same_bytes() -> None:
     points = strips(1000, seed=8)
     first, second = (fit_mixture(points, n_components=6, seed=3) for _ in range(2))
     assert first.means.tobytes() == second.means.tobytes()
     assert first.sample(50, seed=1).tobytes() == second.sample(50, seed=1).tobytes()
 
 
-def test_sample_has_the_moments_of_the_mixture():
+def test_sample_has_the_moments_of_the_mixture() -> None:
     mixture = Mixture(
         weights=np.array([0.25, 0.75]),
         means=np.array([[0.0, 0.0], [10.0, 2.0]]),
@@ -164,14 +164,14 @@ def test_sample_has_the_moments_of_the_mixture():
 
 
 @pytest.mark.parametrize("share", [0.5, 0.95])
-def test_density_level_of_one_normal_equals_closed_form(share):
+def test_density_level_of_one_normal_equals_closed_form(share: float) -> None:
     # The squared Mahalanobis distance in the plane is exponential with mean 2: the level is the peak times (1 - share).
     one = fit_mixture(strips(500, seed=0), n_components=1, seed=0)
     peak = -np.log(2 * np.pi) - 0.5 * np.log(np.linalg.det(one.covariances[0]))
     assert one.density_level(share, seed=0) == pytest.approx(peak + np.log(1 - share), abs=0.05)
 
 
-def test_points_all_in_one_place_keep_the_regularisation_as_covariance():
+def test_points_all_in_one_place_keep_the_regularisation_as_covariance() -> None:
     ours = fit_mixture(np.full((50, 2), 7.0), n_components=2, seed=0)
     np.testing.assert_allclose(ours.covariances, np.tile(1e-6 * np.eye(2), (2, 1, 1)), atol=1e-12)
     np.testing.assert_allclose(ours.means, 7.0)
@@ -185,12 +185,12 @@ def test_points_all_in_one_place_keep_the_regularisation_as_covariance():
         (np.zeros((3, 2)), 4, "n_components=4 must be 1 to the number of points, 3"),
     ],
 )
-def test_points_that_cannot_be_fitted_are_named(points, k, message):
+def test_points_that_cannot_be_fitted_are_named(points, k: int, message: str) -> None:
     with pytest.raises(TraceError, match=message):
         fit_mixture(points, n_components=k, seed=0)
 
 
-def test_start_that_does_not_fit_is_named():
+def test_start_that_does_not_fit_is_named() -> None:
     points = strips(100, seed=0)
     with pytest.raises(TraceError, match="the start has 3 components"):
         fit_mixture(points, n_components=2, seed=0, start=start_for(points, 3))

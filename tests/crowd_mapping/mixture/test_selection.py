@@ -22,19 +22,19 @@ def road_points(seed):
 
 
 @pytest.mark.parametrize("k", [2, 5, 9])
-def test_bic_finds_the_number_of_separated_clouds(k):
+def test_bic_finds_the_number_of_separated_clouds(k: int) -> None:
     assert sweep_mixtures(blobs(k, seed=k), seed=0, k_max=12).best("bic").n_components == k
 
 
 @pytest.mark.parametrize("points", [road_points(0), road_points(1), blobs(7, seed=0)], ids=["road", "road", "blobs"])
-def test_every_count_is_as_good_as_scikit_learn_from_three_starts(points):
+def test_every_count_is_as_good_as_scikit_learn_from_three_starts(points) -> None:
     ours = sweep_mixtures(points, seed=0, k_max=8).table.set_index("n_components")["bic"]
     for k in range(1, 9):
         theirs = GaussianMixture(k, n_init=3, random_state=0).fit(points).bic(points)
         assert ours[k] <= theirs + 0.001 * abs(theirs)
 
 
-def test_table_holds_the_criteria_of_the_mixtures():
+def test_table_holds_the_criteria_of_the_mixtures() -> None:
     points = blobs(3, seed=1)
     sweep = sweep_mixtures(points, seed=0, k_max=4)
     assert list(sweep.table.columns) == ["n_components", "log_likelihood", "aic", "bic"]
@@ -44,19 +44,19 @@ def test_table_holds_the_criteria_of_the_mixtures():
     assert sweep.best("aic").aic == sweep.table.aic.min()
 
 
-def test_single_component_equals_the_moments_of_the_points():
+def test_single_component_equals_the_moments_of_the_points() -> None:
     points = road_points(3)
     one = sweep_mixtures(points, seed=0, k_max=1).mixtures[0]
     np.testing.assert_allclose(one.means[0], points.mean(axis=0), atol=1e-9)
     np.testing.assert_allclose(one.covariances[0], np.cov(points.T, ddof=0), atol=1e-4)
 
 
-def test_same_points_give_the_same_bytes():
+def test_same_points_give_the_same_bytes() -> None:
     first, second = (sweep_mixtures(road_points(2), seed=0, k_max=6).best("bic") for _ in range(2))
     assert first.means.tobytes() == second.means.tobytes()
 
 
-def test_restarts_fit_every_count_on_its_own():
+def test_restarts_fit_every_count_on_its_own() -> None:
     points = blobs(4, seed=2)
     sweep = sweep_mixtures(points, seed=7, k_max=5, n_init=4)
     alone = fit_mixture(points, n_components=4, seed=11, n_init=4)
@@ -64,18 +64,18 @@ def test_restarts_fit_every_count_on_its_own():
     assert sweep.best("bic").n_components == 4
 
 
-def test_progress_counts_up_to_all_steps():
+def test_progress_counts_up_to_all_steps() -> None:
     told = []
     sweep_mixtures(blobs(2, seed=0), seed=0, k_max=4, progress=lambda done, total: told.append((done, total)))
     assert [done for done, _ in told] == list(range(len(told)))
     assert told[-1][0] == told[-1][1]
 
 
-def test_fewer_points_than_components_limit_the_sweep():
+def test_fewer_points_than_components_limit_the_sweep() -> None:
     assert len(sweep_mixtures(np.random.default_rng(0).normal(size=(3, 2)), seed=0, k_max=10).mixtures) == 3
 
 
-def test_components_grow_with_the_length_of_the_zone():
+def test_components_grow_with_the_length_of_the_zone() -> None:
     # 30 components on the paper's 657 m (Chen et al. 2022, Figure 5 tries up to 30).
     assert default_k_max(657.0) == 30
     assert default_k_max(1314.0) == 60
@@ -83,12 +83,12 @@ def test_components_grow_with_the_length_of_the_zone():
     assert default_k_max(1e6) == 200
 
 
-def test_no_component_at_all_is_refused():
+def test_no_component_at_all_is_refused() -> None:
     with pytest.raises(TraceError, match="k_max=-1"):
         sweep_mixtures(blobs(2, seed=0), seed=0, k_max=-1)
 
 
-def test_lines_of_single_vehicles_in_a_lane_are_not_told_apart_where_no_component_may_be_as_narrow():
+def test_lines_of_single_vehicles_in_a_lane_are_not_told_apart_where_no_component_may_be_as_narrow() -> None:
     # Six vehicles, each exactly on a line of its own, 2 cm from the next.
     s, d = np.meshgrid(np.arange(0.0, 120.0, 0.5), 0.02 * np.arange(6))
     points = np.column_stack([s.ravel(), d.ravel()])
