@@ -8,12 +8,11 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from wzsumo.errors import MapError
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 
 FREE_THRESHOLD = 0.196  # ROS map_server's default free_thresh: p_occupied below it is free
 OCCUPIED_THRESHOLD = 0.65  # ROS map_server's default occupied_thresh
 UNKNOWN = 0.5  # p(occupied) where nothing was observed
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,7 +20,8 @@ from zones import ZONES, true_traces
 
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
 from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
-from wzsumo.grid import FREE_THRESHOLD, BoolArray
+from wzsumo.frames import BoolArray
+from wzsumo.grid import FREE_THRESHOLD
 from wzsumo.sensing.gnss import GnssSpec, report
 
 NEAR_EDGE_M = 0.6

@@ -8,8 +8,7 @@ import numpy.typing as npt
 
 from wzsumo.behaviour.car_following import STOP_MARGIN_M
 from wzsumo.behaviour.way import Way, half_extents
-from wzsumo.frames import FloatArray
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout

@@ -3,12 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from wzsumo.behaviour.way import Way, half_extents
 from wzsumo.ego import Leader
-from wzsumo.frames import FloatArray
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.traffic import Traffic
 from wzsumo.work_zone import WorkZoneLayout
 
@@ -86,7 +84,7 @@ def _lane_ends(traffic: Traffic, layout: WorkZoneLayout) -> BoolArray:
     return ends
 
 
-def _in_frame(offsets: FloatArray, heading: npt.NDArray[np.float64]) -> tuple[FloatArray, FloatArray]:
+def _in_frame(offsets: FloatArray, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Parts of offsets (..., 2) along and, positive to the left, across headings (...)."""
     cos, sin = np.cos(heading), np.sin(heading)
     return offsets[..., 0] * cos + offsets[..., 1] * sin, offsets[..., 1] * cos - offsets[..., 0] * sin

@@ -10,7 +10,8 @@ import pandas as pd
 import shapely
 
 from wzsumo.case.lidar_baseline import LidarBaseline, map_by_lidar
-from wzsumo.grid import BoolArray, OccupancyGrid, cells_inside
+from wzsumo.frames import BoolArray
+from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.sections import SlamSpec
 from wzsumo.scenario.site import Site

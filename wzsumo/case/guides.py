@@ -14,8 +14,7 @@ from shapely import LineString
 
 from wzsumo.case.crowd import Crowd
 from wzsumo.crowd_mapping.mixture.maps import driven_lines
-from wzsumo.frames import FloatArray
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.road import Road
 from wzsumo.scenario.site import Site
 

@@ -10,7 +10,8 @@ from wzsumo.case.crowd import Crowd
 from wzsumo.case.guides import guides_for
 from wzsumo.case.methods import MAP_METHODS, planner_for
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
-from wzsumo.grid import BoolArray, OccupancyGrid, cells_inside
+from wzsumo.frames import BoolArray
+from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site

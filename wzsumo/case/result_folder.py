@@ -16,7 +16,8 @@ from shapely.geometry.base import BaseGeometry
 
 from wzsumo.errors import InputError
 from wzsumo.files.ros_map import read_map
-from wzsumo.grid import BoolArray, OccupancyGrid, cells_inside
+from wzsumo.frames import BoolArray
+from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.road import Road
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DEVICE_COLUMNS, SIGN_COLUMNS

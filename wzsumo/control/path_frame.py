@@ -10,10 +10,9 @@ from math import copysign, hypot, sqrt
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from wzsumo.errors import InputError
-from wzsumo.frames import arc_length
+from wzsumo.frames import BoolArray, arc_length
 from wzsumo.path import ReferencePath
 
 Point = tuple[float, float]
@@ -121,7 +120,7 @@ class PathFrame:
         )
 
 
-def distinct_poses(path: ReferencePath) -> npt.NDArray[np.bool_]:
+def distinct_poses(path: ReferencePath) -> BoolArray:
     """Mask (n,) of the poses of a path that are not in the place of the pose before."""
     steps = np.hypot(*np.diff(path.poses[:, :2], axis=0).T)
     return np.concatenate([[True], steps > _MIN_STEP_M])

@@ -11,8 +11,8 @@ from scipy.special import ndtr
 
 from wzsumo.crowd_mapping.closing.lane_ends import LaneEnds
 from wzsumo.crowd_mapping.lane_model import LaneStructure
-from wzsumo.frames import FloatArray
-from wzsumo.grid import UNKNOWN, BoolArray, OccupancyGrid
+from wzsumo.frames import BoolArray, FloatArray
+from wzsumo.grid import UNKNOWN, OccupancyGrid
 from wzsumo.road import Road
 
 SIDE_SD_M = 0.06  # of an edge, whatever the number of traces: drivers as a whole do not keep to the exact middle

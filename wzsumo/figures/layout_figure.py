@@ -1,7 +1,6 @@
 """The drawing of a zone: its signs, its plan by stations, a stretch to scale with lane widths, the road as it lies."""
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -21,6 +20,7 @@ from wzsumo.figures.zone_axes import (
     show_zone,
     stacked_figure,
 )
+from wzsumo.frames import BoolArray
 from wzsumo.units import feet_from_metres
 
 DRAWN_TO_SCALE_M = 80.0  # of the road, beside the beginning of the work
@@ -68,7 +68,7 @@ def _draw_signs(axes: Axes, run: ResultFolder) -> None:
         spine.set_visible(False)
 
 
-def _reads_against_the_stations(run: ResultFolder) -> npt.NDArray[np.bool_]:
+def _reads_against_the_stations(run: ResultFolder) -> BoolArray:
     """Which signs (n,) are for the other direction."""
     return np.asarray(np.cos(run.signs["heading_rad"] - run.road.heading_at(run.signs["s_m"])) < 0)
 

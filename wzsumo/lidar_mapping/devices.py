@@ -1,14 +1,13 @@
 """Devices found in what scans have hit, and joined into the line that they form: what a work zone's cones mean."""
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 from scipy import ndimage
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import cdist
 from shapely import LineString, union_all
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.lidar_mapping.votes import Votes
 from wzsumo.spec import Spec
@@ -46,7 +45,7 @@ def find_devices(votes: Votes, spec: DeviceSpec) -> FloatArray:
     return grid.centre_of(rows, cols)
 
 
-def join_devices(devices: FloatArray, *, max_gap_m: float) -> npt.NDArray[np.int64]:
+def join_devices(devices: FloatArray, *, max_gap_m: float) -> IntArray:
     """Pairs (m, 2) of devices that are neighbours of one line: the minimum spanning tree without its long edges.
 
     On points along a line the tree is the line itself, whatever the spacing; no direction of travel is needed.
@@ -59,9 +58,7 @@ def join_devices(devices: FloatArray, *, max_gap_m: float) -> npt.NDArray[np.int
     return np.column_stack([tree.row[near], tree.col[near]]).astype(np.int64)
 
 
-def with_barrier(
-    grid: OccupancyGrid, devices: FloatArray, links: npt.NDArray[np.int64], *, half_width_m: float
-) -> OccupancyGrid:
+def with_barrier(grid: OccupancyGrid, devices: FloatArray, links: IntArray, *, half_width_m: float) -> OccupancyGrid:
     """The map with every device and the straight between joined ones occupied."""
     width = max(half_width_m, grid.resolution * 0.75)  # a thinner band would leave diagonal leaks between cells
     shapes = [LineString(devices[list(pair)]).buffer(width) for pair in links]

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from numba import njit
 from pydantic import Field
 
-from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.scan_lines import EDGE, PLANAR, POST, BoolArray, classify_lines
+from wzsumo.frames import BoolArray, FloatArray, IntArray
+from wzsumo.lidar_mapping.scan_lines import EDGE, PLANAR, POST, classify_lines
 from wzsumo.scan import LidarScan
 from wzsumo.spec import Spec
 
@@ -71,7 +71,7 @@ def extract_features(
     )
 
 
-def classify_points(scan: LidarScan, standing: BoolArray, spec: FeatureSpec) -> tuple[npt.NDArray[np.int64], FloatArray]:
+def classify_points(scan: LidarScan, standing: BoolArray, spec: FeatureSpec) -> tuple[IntArray, FloatArray]:
     """(NEITHER, EDGE, POST, PLANAR or SMOOTH (n,), the points (n, 3) themselves or, of a post's, the place of its axis)."""
     kind, place = np.zeros(len(scan.points), dtype=np.int64), np.array(scan.points, dtype=np.float64)
     if len(kind) == 0:

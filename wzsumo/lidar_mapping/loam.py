@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from wzsumo.errors import InputError, NoGroundError
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, Matcher, SurfaceMatcher, align, minus
 from wzsumo.lidar_mapping.features import Features, FeatureSpec, extract_features, take_out_motion
 from wzsumo.lidar_mapping.motion import (
@@ -31,7 +31,6 @@ from wzsumo.lidar_mapping.motion import (
 from wzsumo.lidar_mapping.patches import Shape
 from wzsumo.lidar_mapping.posed_scan import PosedScan, ScanState
 from wzsumo.lidar_mapping.post_map import PostMap, PostMatcher
-from wzsumo.lidar_mapping.scan_lines import BoolArray
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
 from wzsumo.rigid import moved

@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 
-BoolArray = npt.NDArray[np.bool_]
 IndexArray = npt.NDArray[np.int32]
 MODIFIED = 0.97  # share of the dropped fill-in that is moved to the diagonal; Bridson 2015, Fluid Simulation, ch. 5.3
 SAFETY = 0.25  # a pivot below this share of its diagonal is not trusted, ibid.

@@ -6,8 +6,8 @@ from enum import IntEnum
 import numpy as np
 from numba import njit
 
-from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.voxel_map import EMPTY, IntArray, VoxelMap, find, key_of
+from wzsumo.frames import FloatArray, IntArray
+from wzsumo.lidar_mapping.voxel_map import EMPTY, VoxelMap, find, key_of
 
 NEIGHBOURS = 8  # map points a patch is fitted to; five in LOAM, more steady the normal
 FEWEST = 5

@@ -5,8 +5,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.scan_lines import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.rigid import inverse
 
 

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 from wzsumo.lidar_mapping.patches import Patches
-from wzsumo.lidar_mapping.voxel_map import IntArray
 from wzsumo.rigid import moved
 
 DEPTH_M = 0.05  # standard deviation of a post's middle behind what is seen of it: a third of a rail post's 0.15 m

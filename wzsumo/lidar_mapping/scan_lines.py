@@ -1,12 +1,10 @@
 """What each point of a scan's lines is: sharp, flat, smooth, or the middle of a post; kernels of `features`."""
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray, IntArray
 
-BoolArray = npt.NDArray[np.bool_]
 SIDE = 5  # neighbours to either side that the curvature is taken over, as in the authors' own program
 LARGEST_GAP = 4  # azimuth steps between neighbours that still count as one line; drop-out leaves holes
 STEP_SHARE = 0.05  # a jump in range beyond this share of it hides what is behind, or is seen almost edge on
@@ -16,8 +14,8 @@ NEITHER, EDGE, POST, PLANAR, SMOOTH = 0, 1, 2, 3, 4
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def classify_lines(
-    points: FloatArray, image: npt.NDArray[np.int64], standing: BoolArray, numbers: npt.NDArray[np.int64],
-    limits: FloatArray, kind: npt.NDArray[np.int64], place: FloatArray,
+    points: FloatArray, image: IntArray, standing: BoolArray, numbers: IntArray,
+    limits: FloatArray, kind: IntArray, place: FloatArray,
 ) -> None:  # fmt: skip
     """Fill `kind` (n,) and, of posts, `place` (n, 3). `image` (rings, columns) holds the number of each point, -1 for none.
 
@@ -47,9 +45,7 @@ def classify_lines(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _curvature(
-    points: FloatArray, line: npt.NDArray[np.int64], at: npt.NDArray[np.int64], reach: FloatArray, nearest: float
-) -> FloatArray:
+def _curvature(points: FloatArray, line: IntArray, at: IntArray, reach: FloatArray, nearest: float) -> FloatArray:
     """|sum over 2 SIDE neighbours of (X_j - X_i)| / (2 SIDE |X_i|) along one line; -1 where it says nothing.
 
     Beside a step in range it says nothing: what is hidden behind the step, and what of the nearer thing is seen, changes
@@ -77,8 +73,8 @@ def _curvature(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _mark_posts(
-    points: FloatArray, line: npt.NDArray[np.int64], at: npt.NDArray[np.int64], reach: FloatArray, standing: BoolArray,
-    limits: FloatArray, kind: npt.NDArray[np.int64], place: FloatArray,
+    points: FloatArray, line: IntArray, at: IntArray, reach: FloatArray, standing: BoolArray,
+    limits: FloatArray, kind: IntArray, place: FloatArray,
 ) -> None:  # fmt: skip
     """Mark the middle of each narrow run of standing points before a farther background; `limits` = range, azimuth step.
 
@@ -109,8 +105,8 @@ def _mark_posts(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _mark_edges(
-    line: npt.NDArray[np.int64], curvature: FloatArray, standing: BoolArray, count: int, limit: float,
-    kind: npt.NDArray[np.int64],
+    line: IntArray, curvature: FloatArray, standing: BoolArray, count: int, limit: float,
+    kind: IntArray,
 ) -> None:  # fmt: skip
     """Mark the sharpest standing points of a sector, neighbours too: a far cone is two or three points on a line."""
     for _ in range(count):
@@ -125,9 +121,7 @@ def _mark_edges(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _mark_planars(
-    line: npt.NDArray[np.int64], curvature: FloatArray, count: int, limit: float, kind: npt.NDArray[np.int64]
-) -> None:
+def _mark_planars(line: IntArray, curvature: FloatArray, count: int, limit: float, kind: IntArray) -> None:
     """Mark all smooth points of a sector, and the flattest as planars, no two of these within SIDE of each other."""
     for k in range(len(line)):
         if 0 <= curvature[k] <= limit and kind[line[k]] == NEITHER:

@@ -9,11 +9,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from wzsumo.errors import InputError
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 from wzsumo.grid import OccupancyGrid, blank_grid
 from wzsumo.lidar_mapping import features, registration, smrf
 from wzsumo.lidar_mapping.devices import DeviceSpec, find_devices, join_devices, with_barrier
@@ -38,7 +37,7 @@ class SlamMaps:
     log_odds: OccupancyGrid  # 0.5 where nothing was seen
     barrier: OccupancyGrid
     devices: FloatArray  # (n, 2) centres of what was taken for a device
-    links: npt.NDArray[np.int64]  # (m, 2) pairs of devices that were joined
+    links: IntArray  # (m, 2) pairs of devices that were joined
 
 
 def build_maps(posed_scans: Iterable[PosedScan], spec: SlamMapSpec, *, cells: OccupancyGrid) -> SlamMaps:

@@ -13,8 +13,8 @@ from pydantic import Field
 from scipy.ndimage import spline_filter
 
 from wzsumo.errors import CloudError, NoGroundError
-from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.membrane import BoolArray, fill_holes
+from wzsumo.frames import BoolArray, FloatArray, IntArray
+from wzsumo.lidar_mapping.membrane import fill_holes
 from wzsumo.scan import check_cloud
 from wzsumo.spec import Spec
 
@@ -189,7 +189,7 @@ def open_by_disk(surface: FloatArray, *, radius: int) -> FloatArray:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _erode(surface: FloatArray, chords: npt.NDArray[np.int64]) -> FloatArray:
+def _erode(surface: FloatArray, chords: IntArray) -> FloatArray:
     """Minimum over the disk whose row at distance dy reaches chords[dy] cells to either side.
 
     `running` holds the minimum over [-w, w] of each row, for w growing from 0: the union of [-w, w - 2] and [-w + 2, w] is

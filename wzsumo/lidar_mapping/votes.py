@@ -9,12 +9,12 @@ import numpy.typing as npt
 from numba import njit
 from pydantic import Field
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray, IntArray
 from wzsumo.grid import UNKNOWN, OccupancyGrid
 from wzsumo.lidar_mapping.posed_scan import PosedScan
 from wzsumo.spec import Spec
 
-IndexArray = npt.NDArray[np.int64]
+IndexArray = IntArray
 CountArray = npt.NDArray[np.int32]
 SEEN_FREE, SEEN_HIT = 1, 2
 
@@ -113,7 +113,7 @@ def _carve(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _hit(
-    cloud: FloatArray, standing: npt.NDArray[np.bool_], sensor: FloatArray, pose: FloatArray, frame: FloatArray,
+    cloud: FloatArray, standing: BoolArray, sensor: FloatArray, pose: FloatArray, frame: FloatArray,
     count: CountArray, scans: CountArray, height: FloatArray, seen: npt.NDArray[np.int8],
 ) -> None:  # fmt: skip
     """Ground returns mark their cell free, standing ones occupied, whatever was marked before."""

@@ -1,12 +1,10 @@
 """A point map that answers "which points are near?" in constant time: points kept in the cubes of a hash table."""
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 
-IntArray = npt.NDArray[np.int64]
 ROOM = 20  # points a cube holds at most; a surface at a spacing of 0.3 cubes leaves 11 in it
 FIRST_CUBES = 4096
 EMPTY = -1

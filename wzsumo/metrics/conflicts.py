@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from wzsumo.errors import InputError
-from wzsumo.frames import FloatArray, wrap_angle
+from wzsumo.frames import BoolArray, FloatArray, wrap_angle
 from wzsumo.road import Road
 from wzsumo.tables import check_traces
 
@@ -47,9 +47,7 @@ def deceleration_to_avoid_crash(gap_m: npt.ArrayLike, rear_speed: npt.ArrayLike,
     return np.where(closing > 0, needed, 0.0)
 
 
-def boxes_overlap(
-    poses_a: npt.ArrayLike, size_a: npt.ArrayLike, poses_b: npt.ArrayLike, size_b: npt.ArrayLike
-) -> npt.NDArray[np.bool_]:
+def boxes_overlap(poses_a: npt.ArrayLike, size_a: npt.ArrayLike, poses_b: npt.ArrayLike, size_b: npt.ArrayLike) -> BoolArray:
     """Whether box a and box b have a point in common, edges included: no side of either separates them."""
     offsets, reaches, _ = _along_box_axes(poses_a, size_a, poses_b, size_b)
     return np.asarray((np.abs(offsets) <= reaches).all(axis=-1))

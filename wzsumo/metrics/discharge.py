@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wzsumo.errors import InputError
+from wzsumo.frames import BoolArray, FloatArray
 
 # A queue stands upstream where the speed stays down: below 60 % of the free one for 5 minutes, below half for 10 more. Where it
 # falls by less, what passes is what arrives: with 70 % instead of half, 10 minutes of slow traffic counted as a breakdown and
@@ -63,7 +64,7 @@ def bottleneck_discharge(
     )
 
 
-def _breakdown(speed_share: npt.NDArray[np.float64]) -> int | None:
+def _breakdown(speed_share: FloatArray) -> int | None:
     """First slow minute of the first 5 that are slow on average and that a queue of 10 more follows."""
     window = BREAKDOWN_MIN + QUEUED_MIN
     for first in range(len(speed_share) - window + 1):
@@ -73,7 +74,7 @@ def _breakdown(speed_share: npt.NDArray[np.float64]) -> int | None:
     return None
 
 
-def _queue_has_stood(speed_share: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+def _queue_has_stood(speed_share: FloatArray) -> BoolArray:
     """Whether the mean of the 8 minutes before each minute is below half the free speed."""
     stood = np.zeros(len(speed_share), dtype=bool)
     if len(speed_share) > SETTLING_MIN:
@@ -82,7 +83,7 @@ def _queue_has_stood(speed_share: npt.NDArray[np.float64]) -> npt.NDArray[np.boo
     return stood
 
 
-def _highest_flow(count: npt.NDArray[np.float64]) -> float:
+def _highest_flow(count: FloatArray) -> float:
     if len(count) < CAPACITY_MIN:
         return float("nan")
     totals = np.convolve(count, np.ones(CAPACITY_MIN), mode="valid")

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from wzsumo.ego import EgoRun
-from wzsumo.frames import FloatArray, advance, wrap_angle
+from wzsumo.frames import BoolArray, FloatArray, advance, wrap_angle
 from wzsumo.metrics.conflicts import conflicts_with_traffic
 from wzsumo.road import Road
 from wzsumo.vehicle import VehicleGeometry
@@ -54,7 +54,7 @@ def measure_drive(run: EgoRun, vehicle: VehicleGeometry, *, road: Road | None = 
     )
 
 
-def on_clock(time_s: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+def on_clock(time_s: npt.ArrayLike) -> BoolArray:
     """Whether times are on the clock of the surrounding traffic's log."""
     ticks = np.asarray(time_s, dtype=float) / CLOCK_S
     return np.asarray(np.abs(ticks - np.round(ticks)) < 0.01)

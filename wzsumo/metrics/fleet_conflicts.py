@@ -4,15 +4,12 @@ SUMO's own records (SSM device, collisions) count bumper gaps along lanes; here 
 """
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 from wzsumo.metrics.conflicts import CONFLICT_COLUMNS, on_clock, straightened
 from wzsumo.road import Road
-
-IntArray = npt.NDArray[np.int64]
 
 TTC_HORIZON_S = 5.0  # thresholds of conflict in use are 1.5 to 4 s; Hayward 1972 and what follows it
 PET_HORIZON_S = 2.0  # car following at 1 s headway shows as a PET of 1 s: above 2 s nobody calls it a conflict

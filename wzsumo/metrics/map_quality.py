@@ -6,7 +6,8 @@ import numpy as np
 from scipy.ndimage import label
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.grid import BoolArray, OccupancyGrid, cells_inside
+from wzsumo.frames import BoolArray
+from wzsumo.grid import OccupancyGrid, cells_inside
 
 
 @dataclass(frozen=True, kw_only=True)

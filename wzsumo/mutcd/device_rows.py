@@ -1,10 +1,9 @@
 """The channelizing devices along the lines of a zone."""
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.mutcd.closure import Closure
 from wzsumo.mutcd.sequence import Stretch
 from wzsumo.mutcd.spacing import BARRIER_SEGMENT_FT, DEVICE_SIZE_M, device_gaps
@@ -81,7 +80,7 @@ def _steepest_secant(line: Profile, s: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(1.0, np.maximum(np.abs(before), np.abs(after))))
 
 
-def _has_room(table: pd.DataFrame, closure: Closure, lines: tuple[DeviceLine, ...]) -> npt.NDArray[np.bool_]:
+def _has_room(table: pd.DataFrame, closure: Closure, lines: tuple[DeviceLine, ...]) -> BoolArray:
     """Which devices stand clear of the lines that close from the other side: the tips of an interior closure are too narrow."""
     e, radius = closure.d_of(table["d_m"].to_numpy()), table["radius_m"].to_numpy()
     room = np.ones(len(table), dtype=bool)
@@ -93,7 +92,7 @@ def _has_room(table: pd.DataFrame, closure: Closure, lines: tuple[DeviceLine, ..
     return room
 
 
-def _in_a_gap(s: FloatArray, work_zone: WorkZone) -> npt.NDArray[np.bool_]:
+def _in_a_gap(s: FloatArray, work_zone: WorkZone) -> BoolArray:
     from_start = s - work_zone.start_ft * METRES_PER_FOOT
     gaps = np.array(work_zone.device_gaps_ft).reshape(-1, 2) * METRES_PER_FOOT
     return np.asarray(((from_start[:, None] >= gaps[:, 0]) & (from_start[:, None] <= gaps[:, 1])).any(axis=1))

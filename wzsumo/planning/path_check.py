@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from wzsumo.frames import FloatArray
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.path import ReferencePath
 from wzsumo.planning.footprint import Body, columns_crossed, pose_is_free, rows_crossed
 from wzsumo.planning.terrain import Terrain

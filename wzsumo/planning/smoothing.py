@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wzsumo.frames import FloatArray
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.path import ReferencePath
 from wzsumo.planning.easing import EASING_LADDER_M, eased_points
 from wzsumo.planning.footprint import Body, sweep_margin

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wzsumo.grid import BoolArray, OccupancyGrid, blank_grid, cells_inside
+from wzsumo.frames import BoolArray
+from wzsumo.grid import OccupancyGrid, blank_grid, cells_inside
 from wzsumo.scenario.scenario import Pose, Scenario
 from wzsumo.work_zone import WorkZoneLayout
 

@@ -4,12 +4,11 @@ import hashlib
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 from numba import njit
 from pydantic import Field, model_validator
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.spec import Spec
 from wzsumo.tables import check_traces
 
@@ -84,7 +83,7 @@ def _generator(seed: int, vehicle_id: str) -> np.random.Generator:
     return np.random.default_rng(int.from_bytes(digest, "little"))
 
 
-def _at_interval(time: FloatArray, *, interval_s: float, phase_s: float) -> npt.NDArray[np.bool_]:
+def _at_interval(time: FloatArray, *, interval_s: float, phase_s: float) -> BoolArray:
     """First fix of every interval since the first fix plus the phase; the very first fix where no other is reached."""
     # Times of a simulation are multiples of its step up to rounding: 1e-6 s keeps a fix in the interval it begins.
     number = np.floor((time - time[0] - phase_s) / interval_s + 1e-6)

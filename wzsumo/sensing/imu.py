@@ -3,7 +3,6 @@
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, model_validator
 
 from wzsumo.frames import FloatArray, wrap_angle
@@ -88,7 +87,7 @@ def _without_gaps(time_s: FloatArray, start_s: float, gaps_s: tuple[tuple[float,
 
 def _gnss_error(time_s: FloatArray, spec: MappingGnssSpec, rng: np.random.Generator) -> FloatArray:
     """A first-order Gauss-Markov process and white noise (n, 3) [m]."""
-    white: npt.NDArray[np.float64] = rng.standard_normal((len(time_s), 3))
+    white: FloatArray = rng.standard_normal((len(time_s), 3))
     drift, last_s = rng.standard_normal(3), float(time_s[0]) if len(time_s) else 0.0
     slow = np.empty_like(white)
     for i, now_s in enumerate(time_s):

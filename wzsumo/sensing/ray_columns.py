@@ -1,12 +1,10 @@
 """Which azimuth columns of a turn each solid can be hit from, while the sensor moves."""
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 
-IntArray = npt.NDArray[np.int64]
 PAD_RAD = 1e-6
 
 

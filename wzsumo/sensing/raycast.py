@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 from wzsumo.sensing.ground import flat_ground
-from wzsumo.sensing.ray_columns import IntArray, columns_touched, sorted_into_columns
+from wzsumo.sensing.ray_columns import columns_touched, sorted_into_columns
 from wzsumo.sensing.ray_ground import meet_ground, surface_of
 from wzsumo.sensing.ray_solids import box_distance, direction, frustum_distance, spheres_of_boxes, spheres_of_frusta
 from wzsumo.sensing.scene import Scene

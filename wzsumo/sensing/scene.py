@@ -12,7 +12,7 @@ import pandas as pd
 from pydantic import Field, model_validator
 
 from wzsumo.errors import InputError
-from wzsumo.frames import FloatArray
+from wzsumo.frames import FloatArray, IntArray
 from wzsumo.road import Road
 from wzsumo.sensing.ground import Ground, GroundSpec, ground_of
 from wzsumo.spec import Spec
@@ -73,7 +73,7 @@ class Scene:
     frusta: FloatArray  # (n, FRUSTUM_COLUMNS)
     boxes: FloatArray  # (m, BOX_COLUMNS)
     kinds: tuple[str, ...]
-    device_id: npt.NDArray[np.int64]
+    device_id: IntArray
 
 
 def scene_of(layout: WorkZoneLayout, spec: SceneSpec, *, seed: int) -> Scene:

@@ -3,8 +3,7 @@
 import numpy as np
 
 from wzsumo.ego import EgoState
-from wzsumo.frames import FloatArray, advance
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray, advance
 from wzsumo.road import Road
 from wzsumo.simulation.edges import Edge
 from wzsumo.simulation.session import SIDE_CLEARANCE_M, Part

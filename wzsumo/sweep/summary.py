@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from wzsumo.case.baselines import BASELINE_METHODS
@@ -106,7 +105,7 @@ def _by_seed(rows: pd.DataFrame, values: pd.Series, by: Sequence[str]) -> pd.Dat
     return values.groupby([*keys, rows["seed"]], sort=True, dropna=False, observed=True).mean().unstack("seed")
 
 
-def _bootstrap_interval(values: npt.NDArray[np.float64]) -> tuple[FloatArray, FloatArray]:
+def _bootstrap_interval(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Ends (groups,) of the interval of the mean of each row of values (groups, seeds); nan: a seed that is not there.
 
     Drawing seeds with replacement is giving each a weight: one matrix product makes all resamples of all groups.

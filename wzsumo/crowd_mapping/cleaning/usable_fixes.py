@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from wzsumo.errors import TraceError
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.tables import TRACE_COLUMNS, check_traces
 
 FASTEST_MPS = 75.0  # 168 mph: no vehicle on a road
@@ -136,7 +136,7 @@ def _renamed(numbers: pd.DataFrame, code: npt.NDArray[np.intp], part: npt.NDArra
     return numbers.assign(vehicle_id=names).iloc[order].reset_index(drop=True)
 
 
-def _unreachable(traces: pd.DataFrame) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.object_]]:
+def _unreachable(traces: pd.DataFrame) -> tuple[BoolArray, npt.NDArray[np.object_]]:
     """(fixes that their vehicle cannot have reached, why)."""
     code, _ = pd.factorize(traces["vehicle_id"])
     time, xy = traces["time_s"].to_numpy(), traces[["x_m", "y_m"]].to_numpy()
@@ -157,7 +157,7 @@ def _unreachable(traces: pd.DataFrame) -> tuple[npt.NDArray[np.bool_], npt.NDArr
     return lost, reasons
 
 
-def _too_far(distance: FloatArray, elapsed: FloatArray) -> npt.NDArray[np.bool_]:
+def _too_far(distance: FloatArray, elapsed: FloatArray) -> BoolArray:
     return np.asarray(distance > np.where(elapsed > 0, FASTEST_MPS * elapsed + JUMP_M, SAME_PLACE_M))
 
 

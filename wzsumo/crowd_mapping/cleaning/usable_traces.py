@@ -11,6 +11,7 @@ from wzsumo.crowd_mapping.cleaning.usable_fixes import UsableTraces, merge_dropp
 from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.course.station_table import tabulate
 from wzsumo.errors import TraceError
+from wzsumo.frames import FloatArray
 
 PLACE_CELL_M = 100.0
 PLACE_GAP_M = 300.0  # without any fix: beyond it another place begins
@@ -61,7 +62,7 @@ def _in_one_place(traces: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, p
     return traces[~traces["vehicle_id"].isin(others.index)].reset_index(drop=True), far
 
 
-def _places(traces: pd.DataFrame) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
+def _places(traces: pd.DataFrame) -> tuple[npt.NDArray[np.intp], FloatArray]:
     """(number of the place of each fix, middles (places, 2) [m]): cells near each other, or that a vehicle joins."""
     xy = traces[["x_m", "y_m"]].to_numpy()
     cells, cell_of = np.unique(np.floor(xy / PLACE_CELL_M), axis=0, return_inverse=True)

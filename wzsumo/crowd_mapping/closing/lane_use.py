@@ -12,8 +12,7 @@ from scipy.special import betaln, ndtr
 
 from wzsumo.crowd_mapping.course.station_table import STATION_SPACING_M, StationTable
 from wzsumo.crowd_mapping.hypotheses.lane_levels import LaneLevels
-from wzsumo.frames import FloatArray
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 
 PRIOR_ODDS = 0.1  # that a lane which others drove is closed somewhere, before anybody is seen to keep out of it
 CLOSED_M, CLOSED_SPREAD = 300.0, 0.8  # median length of a closed stretch, from a taper and a tangent to a whole work space

@@ -7,8 +7,7 @@ import numpy as np
 from wzsumo.crowd_mapping.course.common_path import KINK_SCALE_M, CommonPath, Sizes, lanes_along, without_turning
 from wzsumo.crowd_mapping.course.trend_filter import trend_filter
 from wzsumo.crowd_mapping.course.turning_errors import added_by_errors, size_of_errors, usual_size
-from wzsumo.frames import FloatArray
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 
 TEMPLATES, REFINED = 8, 3  # traces tried as the first guess of the course, and the best of them
 COMPARED_TRACES = 40  # traces by which guesses are compared

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from wzsumo.errors import TraceError
-from wzsumo.frames import FloatArray
-from wzsumo.grid import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.road import Road
 
 STATION_SPACING_M = 10.0  # a lane change takes 50 m and more, a kink is found to about half of this

@@ -9,7 +9,6 @@ responsibility would vanish against 1 in double precision, so the result is that
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import njit
 
 from wzsumo.crowd_mapping.mixture.point_blocks import BLOCK_SIZE, PointBlocks
@@ -64,7 +63,7 @@ def log_densities(x: FloatArray, y: FloatArray, components: Components) -> Float
     return np.asarray(_log_densities(x, y, *components))
 
 
-def strongest(x: FloatArray, y: FloatArray, components: Components) -> npt.NDArray[np.int64]:
+def strongest(x: FloatArray, y: FloatArray, components: Components) -> IntArray:
     """Component (n,) with the largest responsibility for each point x, y (n,)."""
     return np.asarray(_strongest(x, y, *components))
 

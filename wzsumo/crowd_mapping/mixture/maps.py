@@ -13,14 +13,13 @@ from pydantic import Field
 
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
 from wzsumo.crowd_mapping.mixture.selection import MOST_COMPONENTS
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import UNKNOWN, OccupancyGrid, cells_inside
 from wzsumo.road import Road
 from wzsumo.spec import Spec
 
 STRAY_SHARE = 0.05  # of the mean number of fixes a metre; speeds in a zone differ by a factor of two or three, not of twenty
 OUTLINE_STEP_M = 5.0  # between the points of a stretch's outline: on a radius of 300 m its chords are 1 cm off
-BoolArray = npt.NDArray[np.bool_]
 _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # of a rectangle, in half sides
 
 
