@@ -3,7 +3,7 @@
 python analysis/library_drives.py --first 61 --seeds 5 --traces 10 --speeds 10 zone --out results/library_drives
 
 "zone" is the posted speed. Rows are appended to rows.csv as they come, first all scenarios at one seed: a study that was
-stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/library_drives.md.
+stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/results/library_drives.md.
 """
 
 import argparse

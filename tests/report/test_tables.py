@@ -38,7 +38,7 @@ def test_space_time_diagram_shows_every_cell_at_its_time_and_station(tmp_path: P
 
 
 def test_page_of_measures_names_every_figure_and_column_of_a_run() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "traffic_measures.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "method" / "metrics.md").read_text(encoding="utf-8")
     figures = [field.name for field in fields(TrafficSummary)]
     assert {
         name for name in [*figures, *VEHICLE_COLUMNS, *MINUTE_COLUMNS, *STATION_COLUMNS] if f"`{name}`" not in page

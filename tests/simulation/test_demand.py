@@ -144,7 +144,7 @@ def test_drivers_where_three_lanes_close_accelerate_slower_as_was_fitted(
     total: int, open_lanes: int, accel_mps2: float
 ) -> None:
     drivers = hcm_drivers(1600.0, total_lanes=total, open_lanes=open_lanes)
-    assert drivers.accel_mps2 == accel_mps2  # docs/traffic_calibration.md, "The rule": the capacity drop comes of it
+    assert drivers.accel_mps2 == accel_mps2  # docs/results/traffic_calibration.md, "The rule": the capacity drop comes of it
 
 
 def test_demand_whose_drivers_only_the_zone_decides_is_not_written_without_one(tmp_path: Path) -> None:

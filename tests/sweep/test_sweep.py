@@ -241,7 +241,7 @@ def test_folder_without_results_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_column_is_described_in_the_documentation_with_its_unit(tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "sweeps.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "guide" / "studies.md").read_text()
     sweep(a_study(crowd__used=[1]), tmp_path)
     for name in read_results(tmp_path).columns.drop("crowd.used"):
         column = column_of(name)

@@ -41,7 +41,7 @@ class _Rest:
 
     It is the vehicle and its standing gap at the speed of the bottleneck, acceleration, dawdling. Low accelerations make the
     capacity drop: what a queue discharges falls with them, what passes before there is one does not. Fitted by hand;
-    docs/traffic_calibration.md has on what, and how well it holds.
+    docs/results/traffic_calibration.md has on what, and how well it holds.
     """
 
     car_s: float

@@ -1,6 +1,6 @@
 """Copies of few traces, moved to the side as other drivers would have driven: augmentation for low penetration.
 
-Chen et al. 2022 name the idea for few equipped vehicles. What it is worth: docs/how_many_traces.md.
+Chen et al. 2022 name the idea for few equipped vehicles. What it is worth: docs/results/how_many_traces.md.
 """
 
 import numpy as np
