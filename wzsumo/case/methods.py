@@ -41,9 +41,9 @@ def lanes(
     crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
 ) -> OccupancyGrid:
     """The lanes that the traces were driven in, with a probability in every cell."""
-    del spec
+    del spec, seed
     lane_spec = LaneStructureSpec(vehicle_width_m=2 * half_width_m)
-    return lane_structured_map(crowd.traces, spec=lane_spec, grid=cells, seed=seed, before=before).grid
+    return lane_structured_map(crowd.traces, spec=lane_spec, grid=cells, before=before).grid
 
 
 MAP_METHODS = {method.__name__: method for method in (paper_literal, paper, swept, lanes)}

@@ -40,7 +40,7 @@ def map_of_traces(
     cells = _cells_around(traces, source=source, resolution_m=resolution_m)
     half_width = float(traces["width_m"].median()) / 2 if "width_m" in traces else VehicleGeometry().width_m / 2
     if method == "lanes":
-        grid, learned = _lanes(traces, cells, half_width_m=half_width, seed=seed, before=before, progress=progress)
+        grid, learned = _lanes(traces, cells, half_width_m=half_width, before=before, progress=progress)
     else:
         grid, learned = _by_mixture(method, traces, cells, half_width_m=half_width, seed=seed, progress=progress)
     return grid, {"vehicle_width_m": 2 * half_width, **learned}
@@ -65,14 +65,13 @@ def _lanes(
     cells: OccupancyGrid,
     *,
     half_width_m: float,
-    seed: int,
     before: MapBefore | None,
     progress: Progress,
 ) -> tuple[OccupancyGrid, dict[str, Any]]:
     spec = LaneStructureSpec(vehicle_width_m=2 * half_width_m)
     with progress("lanes", 1.0) as tell:
         made = lane_structured_map(
-            traces, spec=spec, grid=cells, seed=seed, before=before, progress=lambda done, total: tell(done / total)
+            traces, spec=spec, grid=cells, before=before, progress=lambda done, total: tell(done / total)
         )
     figures = {key: value for key, value in made.report.items() if key not in {"dropped", "n_dropped", "n_traces"}}
     return with_road_outside(made.grid, before) if before else made.grid, figures

@@ -29,5 +29,5 @@ def warm_up() -> Figures:
     )
     learn_from(traces, road=axis_of(np.array([[0.0, 0.0], [300.0, 0.0]])), spec=MixtureSpec(k_max=4), seed=1)
     cells = blank_grid((-10.0, -10.0, 310.0, 10.0), resolution=0.5, p_occupied=1.0)
-    lane_structured_map(traces, spec=LaneStructureSpec(posted_speed_mph=45), grid=cells, seed=1)
+    lane_structured_map(traces, spec=LaneStructureSpec(posted_speed_mph=45), grid=cells)
     return {"warm": True}

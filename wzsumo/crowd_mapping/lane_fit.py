@@ -19,7 +19,6 @@ from wzsumo.crowd_mapping.hypotheses.lane_levels import LaneLevels, fit_lane_lev
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec, TraceBasis
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
-from wzsumo.road import Road
 from wzsumo.tables import check_traces
 from wzsumo.tapers import merging_taper_m
 from wzsumo.units import mps_from_mph
@@ -27,15 +26,13 @@ from wzsumo.units import mps_from_mph
 FADED = 0.01  # weight below which an old trace is dropped
 
 
-def fit_lane_structure(
-    traces: pd.DataFrame, *, spec: LaneStructureSpec, nominal: Road | None = None, before: MapBefore | None = None
-) -> LaneStructure:
+def fit_lane_structure(traces: pd.DataFrame, *, spec: LaneStructureSpec, before: MapBefore | None = None) -> LaneStructure:
     """The model of a trace table. Raises TraceError where no trace can be used.
 
-    `before` says what is known of the road and of where the zone is announced; `nominal` is the road's line alone.
+    `before` says what is known of the road and of where the zone is announced.
     """
     checked = check_traces(traces, source="traces")
-    axis = before.road if before else nominal or reference_line_from_traces(checked)
+    axis = before.road if before else reference_line_from_traces(checked)
     table = tabulate(checked, axis)
     weights = np.ones(len(table.offsets))
     turning = turning_of(axis, table.stations)

@@ -10,7 +10,6 @@ from wzsumo.crowd_mapping.closing.map_before import MapBefore
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec
 from wzsumo.grid import OccupancyGrid
-from wzsumo.road import Road
 
 __all__ = ["LaneStructureSpec", "LaneStructuredMap", "MapBefore", "describe", "lane_structured_map"]
 
@@ -29,19 +28,15 @@ def lane_structured_map(
     *,
     spec: LaneStructureSpec,
     grid: OccupancyGrid,
-    seed: int,
-    nominal: Road | None = None,
     before: MapBefore | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> LaneStructuredMap:
     """The lane-structured map of a trace table on the cells of `grid`, whose values are not used.
 
-    `nominal` is the road's line where a map has one, `before` the whole road and where the zone is announced. The fit draws no
-    random numbers; the seed is for the common interface.
-    `progress` is told (done, all).
+    `before` says what is known of the road and of where the zone is announced. `progress` is told (done, all). The fit draws no
+    random numbers.
     """
-    del seed
-    model = fit_lane_structure(traces, spec=spec, nominal=nominal, before=before)
+    model = fit_lane_structure(traces, spec=spec, before=before)
     return LaneStructuredMap(grid=belief(model, grid, progress=progress), model=model, report=describe(model))
 
 

@@ -28,8 +28,11 @@ def edge_miss(model, layout):
     """Offset [m] of the model's right edge from the true one in the middle of the activity area."""
     area = layout.area("activity area")
     s = np.array([(area.start + area.end) / 2])
-    right = np.interp(s, model.table.stations, model.path.course) + model.levels.right - model.levels.width / 2
-    return float(right[0] - layout.drivable_right(s)[0])
+    middle_xy = layout.road.to_xy(s, np.zeros(1))
+    along, _ = model.axis.to_sd(middle_xy)
+    right = np.interp(along, model.table.stations, model.path.course) + model.levels.right - model.levels.width / 2
+    _, edge = layout.road.to_sd(model.axis.to_xy(along, right))
+    return float(edge[0] - layout.drivable_right(s)[0])
 
 
 def zone_whose_closing_lane_nobody_drove():
@@ -48,7 +51,7 @@ def test_lanes_before_and_after_the_zone_take_most_of_the_common_error_away() ->
     for seed in range(4):
         traces = noisy(drive(layout, 20, seed=seed), 2.0, seed=seed, interval_s=1.0)
         spec = LaneStructureSpec()
-        alone.append(edge_miss(fit_lane_structure(traces, spec=spec, nominal=layout.road), layout))
+        alone.append(edge_miss(fit_lane_structure(traces, spec=spec), layout))
         joined.append(edge_miss(fit_lane_structure(traces, spec=spec, before=before_of(layout)), layout))
     assert np.sqrt(np.mean(np.square(joined))) < 0.3
     assert np.sqrt(np.mean(np.square(joined))) < 0.75 * np.sqrt(np.mean(np.square(alone)))
