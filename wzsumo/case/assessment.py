@@ -9,7 +9,7 @@ from wzsumo.case.crowd import Crowd
 from wzsumo.ego import EgoRun, Outcome
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.clearance import clearance_along
-from wzsumo.metrics.contact import contact_along
+from wzsumo.metrics.contact import ContactChecker
 from wzsumo.metrics.delay_behind import delay_behind
 from wzsumo.metrics.drive import measure_drive
 from wzsumo.metrics.map_quality import quality_of_cells
@@ -78,7 +78,7 @@ def goal_figures(plan: Plan, *, lane: int, scenario: Scenario, site: Site) -> di
     if plan.path is None:
         return figures | {"reason": plan.reason, "closed_area_share": None, "n_devices_struck": None, "length_m": None}
     poses = plan.path.poses
-    contact = contact_along(poses, vehicle=scenario.vehicle, layout=site.layout)
+    contact = ContactChecker(site.layout, scenario.vehicle).contact_along(poses)
     clearance = clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout)
     return figures | {
         "planned_outcome": str(contact.outcome),

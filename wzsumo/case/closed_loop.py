@@ -13,7 +13,7 @@ from wzsumo.control.controller import Controller
 from wzsumo.control.plant import PlantSpec, advance_ego
 from wzsumo.ego import Command, EgoRun, EgoState, Outcome, Replan
 from wzsumo.frames import FloatArray, advance
-from wzsumo.metrics.contact import Surroundings
+from wzsumo.metrics.contact import ContactChecker
 from wzsumo.metrics.drive import on_clock
 from wzsumo.path import ReferencePath
 from wzsumo.scenario.sections import ControlSection
@@ -58,7 +58,7 @@ def drive_path(
     The other drivers act once in the scenario's step, as they do without the ego. `new_maps` reach it in their order; one on
     which no path leads on ends the run.
     """
-    surroundings, record = Surroundings(layout, drive.vehicle), _Record()
+    checker, record = ContactChecker(layout, drive.vehicle), _Record()
     with running(files.config, options=_options(files), in_window=drive.in_window) as session:
         while session.time < drive.depart_s:
             session.step()
@@ -91,7 +91,7 @@ def drive_path(
             session.step()
             on_step(course.controller.station_m)
             traffic = session.traffic()
-            ended = surroundings.contact(state, traffic) or _ending(course.controller, session.time, drive)
+            ended = checker.contact_now(state, traffic) or _ending(course.controller, session.time, drive)
             if ended:
                 return record.ended(*ended)
 

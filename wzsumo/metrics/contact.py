@@ -1,91 +1,98 @@
-"""What a path comes to when it is driven exactly, without traffic: what the vehicle's outline touches, and where first."""
+"""What the outline of a vehicle touches: another vehicle, a device, the closed area, or ground beyond the pavement."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely import Polygon
 
 from wzsumo.ego import EgoState, Outcome
-from wzsumo.frames import advance
+from wzsumo.frames import BoolArray, FloatArray, advance
 from wzsumo.metrics.conflicts import boxes_overlap
 from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
+# From the ego's rear axle to the centre of any vehicle that it may touch; chosen by us: a road train of 53.5 m, the longest in
+# Australia, reaches 27 m from its centre.
+TOUCH_REACH_M = 40.0
+BEYOND_ROAD_M = 50.0  # the pavement is taken to go on so far beyond both ends of the modelled road; chosen by us
+
+_SENTENCES = {
+    Outcome.STRUCK_DEVICE: "the outline touches a channelizing device",
+    Outcome.ENTERED_CLOSED_AREA: "part of the outline is in the closed area",
+    Outcome.LEFT_PAVEMENT: "part of the outline is off the pavement",
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class PathContact:
-    """The first thing that is touched along a path, and how many devices are touched on all of it."""
+    """The first thing that the outline touches along a path, and how many devices it touches on all of it."""
 
     outcome: Outcome
     first_contact_m: float  # arc length there; nan where nothing is touched
     n_devices_struck: int
 
 
-def contact_along(poses: npt.ArrayLike, *, vehicle: VehicleGeometry, layout: WorkZoneLayout) -> PathContact:
-    """Contact of rear-axle poses (n, 3), half a metre apart or less, with devices, closed area and the pavement's edges.
-
-    Of what is touched at one pose the worst counts: a device, the closed area, the edge.
-    """
-    path = np.asarray(poses, dtype=float)
-    corners = np.array([vehicle.outline(pose) for pose in path])
-    outlines = shapely.polygons(corners)
-    devices = layout.devices[["x_m", "y_m", "radius_m"]].to_numpy(dtype=float)
-    discs = shapely.buffer(shapely.points(devices[:, :2]), devices[:, 2])
-    at_pose, device = shapely.STRtree(discs).query(outlines, predicate="intersects")
-    struck = np.zeros(len(path), dtype=bool)
-    struck[at_pose] = True
-    closed = layout.closed_area
-    shapely.prepare(closed)
-    road = layout.road
-    offset = road.to_sd(corners.reshape(-1, 2))[1].reshape(-1, 4)
-    beyond = ((offset < -road.right_shoulder) | (offset > road.left_edge)).any(axis=1)
-    touched = {
-        Outcome.STRUCK_DEVICE: struck,
-        Outcome.ENTERED_CLOSED_AREA: np.asarray(shapely.intersects(closed, outlines)),
-        Outcome.LEFT_PAVEMENT: beyond,
-    }
-    first = {outcome: int(np.argmax(there)) for outcome, there in touched.items() if there.any()}
-    n_struck = len(np.unique(device))
-    if not first:
-        return PathContact(outcome=Outcome.REACHED_GOAL, first_contact_m=float("nan"), n_devices_struck=0)
-    outcome = min(first, key=lambda it: first[it])  # the first of equals: the order above
-    way = np.hypot(*np.diff(path[: first[outcome] + 1, :2], axis=0).T).sum()
-    return PathContact(outcome=outcome, first_contact_m=float(way), n_devices_struck=n_struck)
-
-
-LONGEST_M = 40.0  # from the rear axle to the centre of any vehicle that the ego might touch
-
-
-class Surroundings:
-    """Devices, closed area and pavement of one layout, prepared once."""
+class ContactChecker:
+    """Checks the outline of one vehicle against the devices, the closed area and the pavement of one layout."""
 
     def __init__(self, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> None:
         self._vehicle = vehicle
         self._devices = shapely.STRtree(layout.device_outlines)
         road = layout.road
         self._closed = layout.closed_area
-        self._pavement = road.strip(-50.0, road.length + 50.0, -road.right_shoulder, road.left_edge)
+        self._pavement = road.strip(-BEYOND_ROAD_M, road.length + BEYOND_ROAD_M, -road.right_shoulder, road.left_edge)
         shapely.prepare([self._closed, self._pavement])
 
-    def contact(self, state: EgoState, traffic: Traffic) -> tuple[Outcome, str] | None:
-        """What the outline of the ego touches now and in one sentence where, the worst first; None where nothing."""
-        outline = Polygon(self._vehicle.outline(state.pose))
+    def contact_now(self, state: EgoState, traffic: Traffic) -> tuple[Outcome, str] | None:
+        """What the vehicle touches in a state, and a sentence that says where; None where it touches nothing.
+
+        Of several contacts the worst counts: a vehicle, a device, the closed area, the pavement's edge.
+        """
         where = f"at ({state.x:.1f}, {state.y:.1f}) m"
+        other = self._vehicle_touched(state, traffic)
+        if other is not None:
+            return Outcome.COLLIDED, f"the outline overlaps vehicle {other} {where}"
+        touched, _ = self._ground_contacts(state.pose[None])
+        for outcome, at_pose in touched.items():
+            if at_pose.any():
+                return outcome, f"{_SENTENCES[outcome]} {where}"
+        return None
+
+    def contact_along(self, poses: npt.ArrayLike) -> PathContact:
+        """The contact of rear-axle poses (n, 3), half a metre apart or less, that are driven exactly and without traffic.
+
+        Of several contacts at one pose the worst counts, in the order of `contact_now`.
+        """
+        path = np.asarray(poses, dtype=float)
+        touched, devices = self._ground_contacts(path)
+        first = {outcome: int(np.argmax(at_pose)) for outcome, at_pose in touched.items() if at_pose.any()}
+        if not first:
+            return PathContact(outcome=Outcome.REACHED_GOAL, first_contact_m=float("nan"), n_devices_struck=0)
+        outcome = min(first, key=lambda touching: first[touching])  # the worst of those at one pose: min keeps the order
+        driven = np.hypot(*np.diff(path[: first[outcome] + 1, :2], axis=0).T).sum()
+        return PathContact(outcome=outcome, first_contact_m=float(driven), n_devices_struck=len(np.unique(devices)))
+
+    def _vehicle_touched(self, state: EgoState, traffic: Traffic) -> str | None:
+        """Id of a vehicle whose outline overlaps the ego's."""
+        near = traffic.near(state.x, state.y, reach_m=TOUCH_REACH_M)
+        if not near.ids:
+            return None
         centre = advance(state.pose, self._vehicle.axle_to_centre_m)
         size = np.array([self._vehicle.length_m, self._vehicle.width_m])
-        traffic = traffic.near(state.x, state.y, reach_m=LONGEST_M)
-        if traffic.ids:
-            sizes = np.column_stack([traffic.lengths, traffic.widths])
-            hit = boxes_overlap(centre, size, traffic.poses, sizes)
-            if hit.any():
-                return Outcome.COLLIDED, f"the outline overlaps vehicle {traffic.ids[int(np.argmax(hit))]} {where}"
-        if len(self._devices.query(outline, predicate="intersects")):
-            return Outcome.STRUCK_DEVICE, f"the outline touches a channelizing device {where}"
-        if shapely.intersects(self._closed, outline):
-            return Outcome.ENTERED_CLOSED_AREA, f"part of the outline is in the closed area {where}"
-        if not shapely.covers(self._pavement, outline):
-            return Outcome.LEFT_PAVEMENT, f"part of the outline is off the pavement {where}"
-        return None
+        hit = boxes_overlap(centre, size, near.poses, np.column_stack([near.lengths, near.widths]))
+        return near.ids[int(np.argmax(hit))] if hit.any() else None
+
+    def _ground_contacts(self, poses: FloatArray) -> tuple[dict[Outcome, BoolArray], npt.NDArray[np.intp]]:
+        """At which poses (n,) there is a contact, by outcome with the worst first; and the devices' numbers, one a contact."""
+        outlines = shapely.polygons(self._vehicle.outline(poses))
+        at_pose, device = self._devices.query(outlines, predicate="intersects")
+        struck = np.zeros(len(poses), dtype=bool)
+        struck[at_pose] = True
+        touched = {
+            Outcome.STRUCK_DEVICE: struck,
+            Outcome.ENTERED_CLOSED_AREA: np.asarray(shapely.intersects(self._closed, outlines)),
+            Outcome.LEFT_PAVEMENT: ~np.asarray(shapely.covers(self._pavement, outlines)),
+        }
+        return touched, device
