@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from wzsumo.crowd_mapping.cleaning.augmentation import with_copies
+from wzsumo.crowd_mapping.mixture.augmentation import with_copies
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec, samples_inside
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
 from wzsumo.crowd_mapping.mixture.selection import MixtureSweep, sweep_mixtures

@@ -120,8 +120,8 @@ def _occupied_by(model: LaneStructure, s: FloatArray, d: FloatArray) -> tuple[Fl
 def _course_scatter(model: LaneStructure, s: FloatArray) -> FloatArray:
     """Standard deviation [m] (n,) of one trace about the course: its noise, and on a bend its constant error as that turns."""
     path = model.path
-    along = 0.0 if path.turning is None else np.interp(s, model.table.stations, path.turning[:, 0])
-    return np.asarray(np.hypot(path.noise_m, path.sizes.error_m * along) + 0.0 * s)
+    along = 0.0 if path.bias_effect is None else np.interp(s, model.table.stations, path.bias_effect[:, 0])
+    return np.asarray(np.hypot(path.errors.noise_m, path.errors.bias_m * along) + 0.0 * s)
 
 
 def _beyond(

@@ -8,12 +8,12 @@ import pandas as pd
 from wzsumo.crowd_mapping.closing.lane_ends import fit_lane_ends
 from wzsumo.crowd_mapping.closing.lane_use import fit_lane_use
 from wzsumo.crowd_mapping.closing.map_before import WIDTH_SD_M, Anchor, MapBefore, anchored, lanes_that_close, with_level_ends
-from wzsumo.crowd_mapping.course.common_path import CommonPath, extend, lanes_along
-from wzsumo.crowd_mapping.course.path_fit import BETWEEN_LANES, between_lanes, fit_common_path
+from wzsumo.crowd_mapping.course.common_path import CommonPath, extend_path, lanes_along
+from wzsumo.crowd_mapping.course.gnss_bias import bias_effect_along
+from wzsumo.crowd_mapping.course.path_fit import STRADDLING, fit_common_path, straddling_traces
 from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
 from wzsumo.crowd_mapping.course.shifts import Shift, find_shifts
-from wzsumo.crowd_mapping.course.station_table import StationTable, tabulate, traffic_speed
-from wzsumo.crowd_mapping.course.turning_errors import turning_of
+from wzsumo.crowd_mapping.course.station_table import StationTable, percentile_85_speed, tabulate
 from wzsumo.crowd_mapping.hypotheses.closures import ClosurePrior
 from wzsumo.crowd_mapping.hypotheses.lane_levels import LaneLevels, fit_lane_levels, refresh
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec, TraceBasis
@@ -35,11 +35,11 @@ def fit_lane_structure(traces: pd.DataFrame, *, spec: LaneStructureSpec, before:
     axis = before.road if before else reference_line_from_traces(checked)
     table = tabulate(checked, axis)
     weights = np.ones(len(table.offsets))
-    turning = turning_of(axis, table.stations)
-    path = _path(table, weights, turning, spec=spec, before=before)
-    if (odd := between_lanes(path, table.offsets, width=_width(spec, before)[0])).any():
-        table, weights = table.without(odd, reason=BETWEEN_LANES), weights[~odd]
-        path = _path(table, weights, turning, spec=spec, before=before)
+    bias_effect = bias_effect_along(axis, table.stations)
+    path = _path(table, weights, bias_effect, spec=spec, before=before)
+    if (odd := straddling_traces(path, table.offsets, width=_width(spec, before)[0])).any():
+        table, weights = table.without(odd, reason=STRADDLING), weights[~odd]
+        path = _path(table, weights, bias_effect, spec=spec, before=before)
     basis = TraceBasis(
         spec=spec, axis=axis, before=before, table=table, weights=weights, speed_mps=_speed(checked, spec), path=path
     )
@@ -63,12 +63,12 @@ def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneSt
     weights = np.concatenate([model.weights[alive] * keep, np.ones(len(new.offsets))])
     width = model.levels.outer_width
     known = model.path
-    added, _ = lanes_along(known.course, new.offsets, width=width, sizes=known.sizes, turning=known.turning)
-    path = extend(known, table.offsets, np.vstack([known.lanes[alive], added]), width=width, weights=weights)
-    odd = between_lanes(path, table.offsets, width=width)
+    added, _ = lanes_along(known.course, new.offsets, width=width, errors=known.errors, bias_effect=known.bias_effect)
+    path = extend_path(known, table.offsets, np.vstack([known.lanes[alive], added]), width=width, weights=weights)
+    odd = straddling_traces(path, table.offsets, width=width)
     odd[: alive.sum()] = False  # they have been looked at
     if odd.any():
-        table, weights = table.without(odd, reason=BETWEEN_LANES), weights[~odd]
+        table, weights = table.without(odd, reason=STRADDLING), weights[~odd]
         path = replace(path, lanes=path.lanes[~odd], levels=path.levels[~odd])
     basis = replace(_basis_of(model), table=table, weights=weights, path=path)
     likely = [(one.chance, refresh(one.levels, path, weights=weights)) for one in (model, *model.alternatives)]
@@ -77,13 +77,13 @@ def update(model: LaneStructure, traces: pd.DataFrame, *, keep: float) -> LaneSt
 
 def refit(model: LaneStructure) -> LaneStructure:
     """The model fitted anew, from lane changes to tapers, to the traces and weights that it holds."""
-    path = _path(model.table, model.weights, model.path.turning, spec=model.spec, before=model.before)
+    path = _path(model.table, model.weights, model.path.bias_effect, spec=model.spec, before=model.before)
     return _model(replace(_basis_of(model), path=path))
 
 
 def _speed(traces: pd.DataFrame, spec: LaneStructureSpec) -> float:
     """The speed [m/s] that decides how long tapers are: the posted one where it is known."""
-    return traffic_speed(traces) if spec.posted_speed_mph is None else mps_from_mph(spec.posted_speed_mph)
+    return percentile_85_speed(traces) if spec.posted_speed_mph is None else mps_from_mph(spec.posted_speed_mph)
 
 
 def _basis_of(model: LaneStructure) -> TraceBasis:
@@ -96,9 +96,14 @@ def _width(spec: LaneStructureSpec, before: MapBefore | None) -> tuple[float, fl
 
 
 def _path(
-    table: StationTable, weights: FloatArray, turning: FloatArray | None, *, spec: LaneStructureSpec, before: MapBefore | None
+    table: StationTable,
+    weights: FloatArray,
+    bias_effect: FloatArray | None,
+    *,
+    spec: LaneStructureSpec,
+    before: MapBefore | None,
 ) -> CommonPath:
-    path = fit_common_path(table.offsets, width=_width(spec, before)[0], weights=weights, turning=turning)
+    path = fit_common_path(table.offsets, width=_width(spec, before)[0], weights=weights, bias_effect=bias_effect)
     return with_level_ends(path, table.stations, before) if before else path
 
 

@@ -9,7 +9,7 @@ from wzsumo.crowd_mapping.belief import occupied
 from wzsumo.crowd_mapping.closing.lane_ends import fit_lane_ends
 from wzsumo.crowd_mapping.closing.map_before import MapBefore, anchored, with_level_ends
 from wzsumo.crowd_mapping.closing.taper_line import fit_taper_line
-from wzsumo.crowd_mapping.course.common_path import CommonPath, Sizes
+from wzsumo.crowd_mapping.course.common_path import CommonPath, TraceErrors
 from wzsumo.crowd_mapping.course.shifts import Shift
 from wzsumo.crowd_mapping.course.station_table import StationTable
 from wzsumo.crowd_mapping.hypotheses.announcement import Announcement
@@ -110,8 +110,8 @@ def test_course_that_most_traces_leave_for_good_becomes_their_change_of_lanes() 
     moved = 3.6576 * np.clip((stations - 400) / 100, 0, 1)
     # Six of seven traces move over; the one that stays seems to change lanes to the right.
     lanes = np.vstack([np.zeros((6, 100)), -moved / 3.6576])
-    sizes = Sizes(drift_m=0.03, noise_m=0.12, error_m=0.0)
-    path = CommonPath(course=moved, lanes=lanes, levels=np.full(7, 5.0), sizes=sizes, turning=None, cost=0.0)
+    errors = TraceErrors(drift_m=0.03, noise_m=0.12, bias_m=0.0)
+    path = CommonPath(course=moved, lanes=lanes, levels=np.full(7, 5.0), errors=errors, bias_effect=None, cost=0.0)
     level = with_level_ends(path, stations, before)
     assert np.abs(level.course).max() < 0.05
     np.testing.assert_allclose(level.lanes[-1], 0.0, atol=0.02)
@@ -192,9 +192,9 @@ def anchored_with(n_lanes, *, right, closed=(), shifts=()):
     road = RoadSpec(lane_count=3, lane_width_ft=12, left_shoulder_ft=10, right_shoulder_ft=10, length_ft=4000).build()
     stations = np.arange(0.0, 1000.0, 10.0)
     offsets = np.full((4, 100), right)
-    sizes = Sizes(drift_m=0.03, noise_m=0.12, error_m=0.0)
+    errors = TraceErrors(drift_m=0.03, noise_m=0.12, bias_m=0.0)
     path = CommonPath(
-        course=np.zeros(100), lanes=np.zeros((4, 100)), levels=np.full(4, right), sizes=sizes, turning=None, cost=0.0
+        course=np.zeros(100), lanes=np.zeros((4, 100)), levels=np.full(4, right), errors=errors, bias_effect=None, cost=0.0
     )  # fmt: skip
     table = StationTable(stations=stations, offsets=offsets, vehicle_ids=("a", "b", "c", "d"), dropped=pd.DataFrame())
     levels = LaneLevels(

@@ -36,12 +36,12 @@ def test_merges_are_found_beside_errors_of_2_m_that_turn_on_a_bend() -> None:
     offsets, merged = family(40, seed=2, bias_sd=2.0)
     random = np.random.default_rng(3)
     bearing = np.linspace(-1.25, 1.25, 120)
-    turning = np.column_stack([-np.sin(bearing), np.cos(bearing) - 1.0])
-    offsets += 0.45 * random.standard_normal(offsets.shape) + 2.0 * random.standard_normal((40, 2)) @ turning.T
+    bias_effect = np.column_stack([-np.sin(bearing), np.cos(bearing) - 1.0])
+    offsets += 0.45 * random.standard_normal(offsets.shape) + 2.0 * random.standard_normal((40, 2)) @ bias_effect.T
     offsets[random.random(offsets.shape) < 0.67] = np.nan
-    path = fit_common_path(offsets, width=3.6, weights=np.ones(40), turning=turning)
+    path = fit_common_path(offsets, width=3.6, weights=np.ones(40), bias_effect=bias_effect)
     np.testing.assert_array_equal(np.rint(path.lanes[:, -1]), -merged.astype(float))
-    assert path.sizes.error_m == pytest.approx(2.0, rel=0.3)
+    assert path.errors.bias_m == pytest.approx(2.0, rel=0.3)
     # Taken for drift, the same errors hide merges.
     straight = fit_common_path(offsets, width=3.6, weights=np.ones(40))
     assert (np.rint(straight.lanes[:, -1]) != -merged.astype(float)).any()
@@ -66,7 +66,7 @@ def test_size_of_the_scatter_is_estimated() -> None:
     random = np.random.default_rng(0)
     offsets = random.standard_normal((30, 1)) + 0.4 * random.standard_normal((30, 120))
     path = fit_common_path(offsets, width=3.6, weights=np.ones(30))
-    assert path.noise_m == pytest.approx(0.4, rel=0.15)
+    assert path.errors.noise_m == pytest.approx(0.4, rel=0.15)
 
 
 def test_trend_filter_keeps_a_line_and_finds_its_kink() -> None:

@@ -21,10 +21,10 @@ def trace(stations, *, changes, bias, drift, noise, width, seed):
     return width * lanes + error, lanes
 
 
-def path_cost(v, lanes, changes, drift_variance, white_variance, *, turning=None, error_variance=0.0):
+def path_cost(v, lanes, changes, drift_variance, white_variance, *, bias_effect=None, bias_variance=0.0):
     """Cost of one given sequence of lanes: the Kalman filter of a drifting offset and two constant errors, in matrices."""
-    seen = np.column_stack([np.ones(len(v)), np.zeros((len(v), 2)) if turning is None else turning])
-    errors = error_variance * np.eye(2)
+    seen = np.column_stack([np.ones(len(v)), np.zeros((len(v), 2)) if bias_effect is None else bias_effect])
+    errors = bias_variance * np.eye(2)
     mean, cost = np.array([v[0], 0.0, 0.0]), CHANGE_COST * changes
     own = white_variance + seen[0, 1:] @ errors @ seen[0, 1:]
     covariance = np.block([[np.array([[own]]), -(seen[0, 1:] @ errors)[None]], [-(errors @ seen[0, 1:])[:, None], errors]])
@@ -82,13 +82,13 @@ def test_trace_that_begins_in_a_change_counts_its_lanes_from_the_nearer_one(miss
 def test_merge_is_told_from_errors_that_turn_on_a_bend(seed) -> None:
     random = np.random.default_rng(seed)
     bearing = np.linspace(-1.0, 1.0, 100)
-    turning = np.column_stack([-np.sin(bearing), np.cos(bearing) - 1.0])
+    bias_effect = np.column_stack([-np.sin(bearing), np.cos(bearing) - 1.0])
     v, lanes = trace(100, changes=[(40, -1)] if seed % 2 else [], bias=0.0, drift=0.05, noise=0.4, width=3.5, seed=seed)
-    v += turning @ (2.0 * random.standard_normal(2))
-    sizes = {"drift_variance": 0.05**2, "white_variance": 0.4**2, "turning": turning, "error_variance": 2.0**2}
+    v += bias_effect @ (2.0 * random.standard_normal(2))
+    sizes = {"drift_variance": 0.05**2, "white_variance": 0.4**2, "bias_effect": bias_effect, "bias_variance": 2.0**2}
     found, cost = relative_lanes(v[None], np.full(100, 3.5), **sizes)
     np.testing.assert_array_equal(np.rint(found[0][[0, -1]]), np.rint(lanes[[0, -1]]))
-    twin = path_cost(v, found[0], changes_in(found[0]), 0.05**2, 0.4**2, turning=turning, error_variance=2.0**2)
+    twin = path_cost(v, found[0], changes_in(found[0]), 0.05**2, 0.4**2, bias_effect=bias_effect, bias_variance=2.0**2)
     assert cost == pytest.approx(twin, abs=1e-6)
 
 

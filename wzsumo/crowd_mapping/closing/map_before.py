@@ -113,7 +113,7 @@ def anchored(
     n = float(weights.sum())
     # Between two ends that are known a random walk strays by a sixth of what it would from one to the other.
     inside = max(len(outside) - int(outside.sum()), 1)
-    variance = (np.pi / 2 * path.noise_m**2 / outside.sum() + path.drift_m**2 * inside / 6) / n + SHY_SD_M**2
+    variance = (np.pi / 2 * path.errors.noise_m**2 / outside.sum() + path.errors.drift_m**2 * inside / 6) / n + SHY_SD_M**2
     # The median, for behind the last device drivers are still on their way back to their lanes.
     level = float(np.median(path.course[outside]))
     middle = (levels.n_lanes - 1) / 2

@@ -2,7 +2,7 @@
 
 A trace's own error is unknown but slow, a lane change is quick: a Viterbi search over lanes in which every path carries a
 Kalman filter of the offset ("per-survivor processing", Raheli, Polydoros and Tzou 1995) tells them apart at any error. On a
-bend the filter knows how a constant error turns (`turning_errors`). A trace may begin in the midst of a change.
+bend the filter knows how a constant error turns (`gnss_bias`). A trace may begin in the midst of a change.
 """
 
 import numpy as np
@@ -22,20 +22,20 @@ def relative_lanes(
     *,
     drift_variance: float,
     white_variance: float,
-    turning: FloatArray | None = None,
-    error_variance: float = 0.0,
+    bias_effect: FloatArray | None = None,
+    bias_variance: float = 0.0,
 ) -> tuple[FloatArray, float]:
     """Lanes (traces, stations) from each first one, positive to the left, fractional during a change; and the cost of all.
 
     Of a trace that begins in a change the first lane is the nearer one.
 
     `departures` (traces, stations) [m] are lateral offsets from the common path, NaN where unknown; `widths` (stations,)
-    [m] the lanes' widths; `drift_variance` [m^2] is that of the drift from one station to the next. On a bend `turning`
-    (stations, 2) is what a metre of constant error adds, and `error_variance` [m^2] that of such errors.
+    [m] the lanes' widths; `drift_variance` [m^2] is that of the drift from one station to the next. On a bend `bias_effect`
+    (stations, 2) is what a metre of constant error adds, and `bias_variance` [m^2] that of such errors.
     """
-    turning = np.zeros((departures.shape[1], 2)) if turning is None else turning
-    sizes = (drift_variance, white_variance, error_variance)
-    lanes, cost = _search_all(departures, widths, turning, sizes, CHANGE_COST, CHANGE_STATIONS)
+    bias_effect = np.zeros((departures.shape[1], 2)) if bias_effect is None else bias_effect
+    sizes = (drift_variance, white_variance, bias_variance)
+    lanes, cost = _search_all(departures, widths, bias_effect, sizes, CHANGE_COST, CHANGE_STATIONS)
     return np.asarray(lanes), float(cost)
 
 
@@ -43,7 +43,7 @@ def relative_lanes(
 def _search_all(
     departures: FloatArray,
     widths: FloatArray,
-    turning: FloatArray,
+    bias_effect: FloatArray,
     sizes: tuple[float, float, float],
     change_cost: float,
     lengths: IntArray,
@@ -51,7 +51,7 @@ def _search_all(
     lanes = np.zeros(departures.shape)
     total = 0.0
     for i in range(len(departures)):
-        total += _search(departures[i], widths, turning, sizes, change_cost, lengths, lanes[i])
+        total += _search(departures[i], widths, bias_effect, sizes, change_cost, lengths, lanes[i])
     return lanes, total
 
 
@@ -62,7 +62,7 @@ _SURVIVOR = 10
 @njit(cache=True)
 def _step(survivor: FloatArray, value: float, along: float, across: float, sizes: tuple[float, float, float]) -> None:
     """One Kalman step of a random walk beside two constants; a missing value only lets it drift."""
-    drift_variance, white_variance, error_variance = sizes
+    drift_variance, white_variance, bias_variance = sizes
     survivor[4] += drift_variance
     if np.isnan(value):
         return
@@ -81,7 +81,7 @@ def _step(survivor: FloatArray, value: float, along: float, across: float, sizes
         share *= _CLIP / square
     survivor[1] += share * h0 * miss
     survivor[4] -= share * h0 * h0
-    if error_variance > 0.0:  # else the errors are 0 and stay so
+    if bias_variance > 0.0:  # else the errors are 0 and stay so
         survivor[2] += share * h1 * miss
         survivor[3] += share * h2 * miss
         survivor[5] -= share * h0 * h1
@@ -93,7 +93,7 @@ def _step(survivor: FloatArray, value: float, along: float, across: float, sizes
 
 @njit(cache=True)
 def _search(
-    v: FloatArray, widths: FloatArray, turning: FloatArray, sizes: tuple[float, float, float], change_cost: float,
+    v: FloatArray, widths: FloatArray, bias_effect: FloatArray, sizes: tuple[float, float, float], change_cost: float,
     lengths: IntArray, out: FloatArray,
 ) -> float:  # fmt: skip
     """Cost of the best sequence of lanes for one trace; the lanes themselves go into `out`."""
@@ -106,45 +106,45 @@ def _search(
     # The survivor at each station and lane, and how it got there.
     state = np.full((n, span, _SURVIVOR), np.inf)
     origin = np.ones((n, span, 2), dtype=np.int64)  # lane before, stations ago
-    _, white_variance, error_variance = sizes
-    _begin(state[first, MAX_LANES_MOVED], v[first], turning[first], white_variance, error_variance)
+    _, white_variance, bias_variance = sizes
+    _begin(state[first, MAX_LANES_MOVED], v[first], bias_effect[first], white_variance, bias_variance)
     scratch = np.empty(_SURVIVOR)
     for j in range(first + 1, n):
         for k in range(span):
             if np.isfinite(state[j - 1, k, 0]):
                 state[j, k] = state[j - 1, k]
-                _step(state[j, k], v[j] - widths[j] * (k - MAX_LANES_MOVED), turning[j, 0], turning[j, 1], sizes)
+                _step(state[j, k], v[j] - widths[j] * (k - MAX_LANES_MOVED), bias_effect[j, 0], bias_effect[j, 1], sizes)
                 origin[j, k, 0] = k
             for source in (k - 1, k + 1):
                 if 0 <= source < span:
-                    _change(v, widths, turning, sizes, change_cost, lengths, first, j, k, source, state, origin, scratch)
+                    _change(v, widths, bias_effect, sizes, change_cost, lengths, first, j, k, source, state, origin, scratch)
     last = np.argmin(state[n - 1, :, 0])
     _trace_back(first, last, origin, out)
     return state[n - 1, last, 0]
 
 
 @njit(cache=True)
-def _begin(survivor: FloatArray, value: float, turn: FloatArray, white_variance: float, error_variance: float) -> None:
+def _begin(survivor: FloatArray, value: float, turn: FloatArray, white_variance: float, bias_variance: float) -> None:
     """The filter at a trace's first value, which is the offset and the errors' part of it; the errors are free."""
     along, across = turn[0], turn[1]
     survivor[0:4] = 0.0
     survivor[1] = value
     covariance = survivor[4:]
-    covariance[0] = white_variance + error_variance * (along * along + across * across)
-    covariance[1], covariance[2] = -along * error_variance, -across * error_variance
-    covariance[3], covariance[4], covariance[5] = error_variance, 0.0, error_variance
+    covariance[0] = white_variance + bias_variance * (along * along + across * across)
+    covariance[1], covariance[2] = -along * bias_variance, -across * bias_variance
+    covariance[3], covariance[4], covariance[5] = bias_variance, 0.0, bias_variance
 
 
 @njit(cache=True)
 def _change(
-    v: FloatArray, widths: FloatArray, turning: FloatArray, sizes: tuple[float, float, float], change_cost: float,
+    v: FloatArray, widths: FloatArray, bias_effect: FloatArray, sizes: tuple[float, float, float], change_cost: float,
     lengths: IntArray, first: int, j: int, k: int, source: int, state: FloatArray, origin: IntArray, scratch: FloatArray,
 ) -> None:  # fmt: skip
     """Enter the best change from lane `source` that ends in lane k at station j, where it beats what is there.
 
     One that began ahead of the trace leaves its first lane; its cost and the filter begin at the first value.
     """
-    _, white_variance, error_variance = sizes
+    _, white_variance, bias_variance = sizes
     for length in lengths:
         start = j - length
         ahead = max(first - start, 0)  # stations of the change that the trace does not show
@@ -152,14 +152,14 @@ def _change(
             continue
         if ahead > 0:
             begun = widths[first] * (_on_the_way(source, k, ahead / length) - MAX_LANES_MOVED)
-            _begin(scratch, v[first] - begun, turning[first], white_variance, error_variance)
+            _begin(scratch, v[first] - begun, bias_effect[first], white_variance, bias_variance)
         else:
             scratch[:] = state[start, source]
         scratch[0] += change_cost
         for step in range(ahead + 1, length + 1):
             at = start + step
             value = v[at] - widths[at] * (_on_the_way(source, k, step / length) - MAX_LANES_MOVED)
-            _step(scratch, value, turning[at, 0], turning[at, 1], sizes)
+            _step(scratch, value, bias_effect[at, 0], bias_effect[at, 1], sizes)
             if scratch[0] >= state[j, k, 0]:
                 break
         if scratch[0] < state[j, k, 0]:

@@ -1,12 +1,12 @@
-"""The common path of traces: guessed from single ones, then course, lanes and sizes found from each other in turn."""
+"""The common path of traces: guessed from single ones, then course, lanes and errors found from each other in turn."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wzsumo.crowd_mapping.course.common_path import KINK_SCALE_M, CommonPath, Sizes, lanes_along, without_turning
+from wzsumo.crowd_mapping.course.common_path import KINK_SCALE_M, CommonPath, TraceErrors, lanes_along, without_bias_effect
+from wzsumo.crowd_mapping.course.gnss_bias import estimate_bias_sd, offsets_from_bias, usual_bias_sd
 from wzsumo.crowd_mapping.course.trend_filter import trend_filter
-from wzsumo.crowd_mapping.course.turning_errors import added_by_errors, size_of_errors, usual_size
 from wzsumo.frames import BoolArray, FloatArray
 
 TEMPLATES, REFINED = 8, 3  # traces tried as the first guess of the course, and the best of them
@@ -17,21 +17,23 @@ LEAST_DRIFT = 0.15  # of the noise, per station; wzsumo.sensing.gnss at 25 m/s h
 FIRST_DRIFT_M, FIRST_NOISE_M = 0.08, 0.25  # per 10 m and per station, until they are estimated
 
 
-def fit_common_path(offsets: FloatArray, *, width: float, weights: FloatArray, turning: FloatArray | None = None) -> CommonPath:
+def fit_common_path(
+    offsets: FloatArray, *, width: float, weights: FloatArray, bias_effect: FloatArray | None = None
+) -> CommonPath:
     """The common path of offsets (traces, stations) [m], NaN where unknown, for lanes of a width [m].
 
     Every trace is a guess of the course (of many, some): what most traces share is the course, what few do is a lane change.
     """
     some = np.unique(np.linspace(0, len(offsets) - 1, COMPARED_TRACES).astype(int))
     guesses = np.unique(np.linspace(0, len(offsets) - 1, TEMPLATES).astype(int))
-    usual_m = usual_size(offsets)
-    first = Sizes(drift_m=FIRST_DRIFT_M, noise_m=FIRST_NOISE_M, error_m=usual_m)
-    traces = _Traces(offsets=offsets, weights=weights, width=width, turning=turning, usual_error_m=usual_m)
+    usual_m = usual_bias_sd(offsets)
+    first = TraceErrors(drift_m=FIRST_DRIFT_M, noise_m=FIRST_NOISE_M, bias_m=usual_m)
+    traces = _Traces(offsets=offsets, weights=weights, width=width, bias_effect=bias_effect, usual_bias_m=usual_m)
     compared = replace(traces, offsets=offsets[some], weights=weights[some])
     tries = [_from_guess(compared, _filled(offsets[i]), first) for i in guesses]
     path = min((_refined(path, compared, first) for path in sorted(tries, key=_unlikely)[:REFINED]), key=_unlikely)
     for _ in range(ROUNDS):
-        lanes, cost = _labelled(traces, path.course, path.sizes)
+        lanes, cost = _labelled(traces, path.course, path.errors)
         same = np.array_equal(lanes, path.lanes)
         path = _refit(traces, lanes, cost=cost)
         if same:
@@ -44,52 +46,54 @@ class _Traces:
     offsets: FloatArray
     weights: FloatArray
     width: float
-    turning: FloatArray | None
-    usual_error_m: float
+    bias_effect: FloatArray | None
+    usual_bias_m: float
 
 
-def _from_guess(traces: _Traces, guess: FloatArray, sizes: Sizes) -> CommonPath:
-    """A path from one guess of the course; its cost is counted with the same sizes for all guesses."""
-    lanes, _ = _labelled(traces, guess, sizes)
-    return _relabelled(traces, _refit(traces, lanes, cost=0.0).course, sizes)
+def _from_guess(traces: _Traces, guess: FloatArray, errors: TraceErrors) -> CommonPath:
+    """A path from one guess of the course; its cost is counted with the same errors for all guesses."""
+    lanes, _ = _labelled(traces, guess, errors)
+    return _relabelled(traces, _refit(traces, lanes, cost=0.0).course, errors)
 
 
-def _refined(path: CommonPath, traces: _Traces, sizes: Sizes) -> CommonPath:
+def _refined(path: CommonPath, traces: _Traces, errors: TraceErrors) -> CommonPath:
     """The path, or a cheaper one near it."""
     best = path
     for _ in range(2):
         # What most traces do beside the course may be the course's own doing: then the others need fewer changes.
-        moved = _relabelled(traces, best.course + traces.width * np.median(best.lanes, axis=0), sizes)
-        again = _relabelled(traces, best.course, sizes)
+        moved = _relabelled(traces, best.course + traces.width * np.median(best.lanes, axis=0), errors)
+        again = _relabelled(traces, best.course, errors)
         best = min((best, again, moved), key=lambda path: path.cost)
     return best
 
 
-def _relabelled(traces: _Traces, course: FloatArray, sizes: Sizes) -> CommonPath:
-    lanes, cost = _labelled(traces, course, sizes)
+def _relabelled(traces: _Traces, course: FloatArray, errors: TraceErrors) -> CommonPath:
+    lanes, cost = _labelled(traces, course, errors)
     return _refit(traces, lanes, cost=cost)
 
 
-def _labelled(traces: _Traces, course: FloatArray, sizes: Sizes) -> tuple[FloatArray, float]:
-    return lanes_along(course, traces.offsets, width=traces.width, sizes=sizes, turning=traces.turning)
+def _labelled(traces: _Traces, course: FloatArray, errors: TraceErrors) -> tuple[FloatArray, float]:
+    return lanes_along(course, traces.offsets, width=traces.width, errors=errors, bias_effect=traces.bias_effect)
 
 
 def _refit(traces: _Traces, lanes: FloatArray, *, cost: float) -> CommonPath:
-    """Course, levels and sizes for given lanes."""
-    rest, error_m = traces.offsets - traces.width * lanes, traces.usual_error_m
+    """Course, levels and errors for given lanes."""
+    rest, bias_m = traces.offsets - traces.width * lanes, traces.usual_bias_m
     course, levels, certainty = _course_and_levels(rest, traces.weights)
-    if traces.turning is not None:
+    if traces.bias_effect is not None:
         miss = rest - course
         noise_m = _drift_and_noise(miss - levels[:, None])[1]
-        error_m = size_of_errors(miss, traces.turning, noise_m=noise_m, usual_m=traces.usual_error_m, weights=traces.weights)
-        rest = rest - added_by_errors(miss, traces.turning, noise_m=noise_m, error_m=error_m)
+        bias_m = estimate_bias_sd(
+            miss, traces.bias_effect, noise_m=noise_m, usual_m=traces.usual_bias_m, weights=traces.weights
+        )
+        rest = rest - offsets_from_bias(miss, traces.bias_effect, noise_m=noise_m, bias_m=bias_m)
         course, levels, certainty = _course_and_levels(rest, traces.weights)
     drift, noise = _drift_and_noise(rest - course - levels[:, None])
     course = trend_filter(course, certainty.sum(axis=0) / max(noise, LEAST_NOISE_M) ** 2, scale=KINK_SCALE_M)
     middle = float(course.mean())
     return CommonPath(
-        course=course - middle, lanes=lanes, levels=levels + middle, turning=traces.turning, cost=cost,
-        sizes=Sizes(drift_m=drift, noise_m=noise, error_m=error_m),
+        course=course - middle, lanes=lanes, levels=levels + middle, bias_effect=traces.bias_effect, cost=cost,
+        errors=TraceErrors(drift_m=drift, noise_m=noise, bias_m=bias_m),
     )  # fmt: skip
 
 
@@ -152,12 +156,12 @@ def _unlikely(path: CommonPath) -> float:
 # 101-105, errors of 0, 1 and 2 m) 9 are beyond both; the usual is 0.02 to 0.1 m, 0.3 m and 0.5 m.
 FAR_SHARE, FAR_TIMES = 0.2, 3.0
 MOST_ODD = 0.25  # share of the traces; where more seem to be, it is the lanes that are not understood
-BETWEEN_LANES = "drove between lanes, half over a line, for most of its way"
+STRADDLING = "drove between lanes, half over a line, for most of its way"
 
 
-def between_lanes(path: CommonPath, offsets: FloatArray, *, width: float) -> BoolArray:
+def straddling_traces(path: CommonPath, offsets: FloatArray, *, width: float) -> BoolArray:
     """Which traces (n,) drove in no lane, by their offsets (n, stations) [m] and the lanes that the path has them in."""
-    rest = without_turning(offsets - width * path.lanes - path.course, sizes=path.sizes, turning=path.turning)
+    rest = without_bias_effect(offsets - width * path.lanes - path.course, errors=path.errors, bias_effect=path.bias_effect)
     apart = np.where(np.isfinite(rest), rest - path.levels[:, None], 0.0)
     far = np.sqrt((apart**2).sum(axis=1) / np.maximum(np.isfinite(rest).sum(axis=1), 1))
     odd = far > max(FAR_SHARE * width, FAR_TIMES * float(np.median(far)))

@@ -85,7 +85,7 @@ DEFAULT_SPEED_MPS = 26.8  # 60 mph, where the traces' own speeds say nothing
 SPEED_SPELL_S = 3.0
 
 
-def traffic_speed(traces: pd.DataFrame) -> float:
+def percentile_85_speed(traces: pd.DataFrame) -> float:
     """85th percentile [m/s] of the speeds that vehicles reach on their way (85th percentile of each).
 
     Source: MUTCD 11th ed., Table 6B-4: S is the posted speed or the off-peak 85th-percentile speed before the work.

@@ -101,8 +101,8 @@ def _evidence(path: CommonPath, weights: FloatArray, outer: tuple[float, float],
 
 def _usual_spread(path: CommonPath) -> float:
     """Standard deviation [m] of levels that is usual for the traces' drift, and for their scatter: the mean of both squares."""
-    of_drift = SPREAD_PER_DRIFT**2 * max(path.drift_m**2 - WANDER_M**2, 0.0)
-    return float(np.sqrt(HABIT_M**2 + (of_drift + path.sizes.error_m**2) / 2))
+    of_drift = SPREAD_PER_DRIFT**2 * max(path.errors.drift_m**2 - WANDER_M**2, 0.0)
+    return float(np.sqrt(HABIT_M**2 + (of_drift + path.errors.bias_m**2) / 2))
 
 
 def _levels(path: CommonPath, fit: LaneHypothesis, outer: tuple[float, float], *, side: int) -> LaneLevels:

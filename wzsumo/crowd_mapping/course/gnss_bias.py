@@ -14,10 +14,10 @@ LEAST_TURN_RAD = 0.1  # by less, an error of 2 m changes by less than vehicles w
 RATIOS, RATIO_SD = np.geomspace(0.25, 4.0, 17), 0.5  # of the errors' size to the usual one: tried, and usual in logarithms
 ERROR_PER_SCATTER = 4.0  # what stays for a trace against what is new in each fix: wzsumo.sensing.gnss, sourced there
 OWN_SCATTER_M = 0.12  # of vehicles between places 10 to 30 m apart: 0.04 to 0.15 m, of sways of 0.2 to 0.35 m over 60 m
-USUAL_DRIFT_M = 0.08  # per station beside the turning errors: wzsumo.sensing.gnss at 1 m and 25 m/s
+USUAL_DRIFT_M = 0.08  # per station beside the the bias: wzsumo.sensing.gnss at 1 m and 25 m/s
 
 
-def turning_of(axis: Road, stations: FloatArray) -> FloatArray | None:
+def bias_effect_along(axis: Road, stations: FloatArray) -> FloatArray | None:
     """What a metre of error (along, across) adds to offsets at stations (n,) [m] of a road: (n, 2); None if straight."""
     bearing = np.unwrap(axis.heading_at(stations))
     if np.ptp(bearing) < LEAST_TURN_RAD:
@@ -26,7 +26,7 @@ def turning_of(axis: Road, stations: FloatArray) -> FloatArray | None:
     return np.column_stack([-np.sin(turned), np.cos(turned) - 1.0])
 
 
-def usual_size(offsets: FloatArray) -> float:
+def usual_bias_sd(offsets: FloatArray) -> float:
     """Standard deviation [m] of constant errors that is usual where offsets (traces, stations) [m] scatter as these do.
 
     The scatter is taken from each offset and the line between its neighbours: lanes and courses count little there.
@@ -42,25 +42,27 @@ def usual_size(offsets: FloatArray) -> float:
     return ERROR_PER_SCATTER * float(np.sqrt(max(size**2 - OWN_SCATTER_M**2, 0.0)))
 
 
-def size_of_errors(rest: FloatArray, turning: FloatArray, *, noise_m: float, usual_m: float, weights: FloatArray) -> float:
+def estimate_bias_sd(
+    rest: FloatArray, bias_effect: FloatArray, *, noise_m: float, usual_m: float, weights: FloatArray
+) -> float:
     """Standard deviation [m] of the constant errors of traces, not far from the usual: the likeliest (empirical Bayes).
 
     `rest` (traces, stations) [m] are offsets less course and lanes, NaN where unknown.
     """
     if usual_m == 0.0:
         return 0.0
-    precision, side = _normal_equations(rest, turning, noise_m)
+    precision, side = _normal_equations(rest, bias_effect, noise_m)
     log_chance = [
         weights @ _log_evidence(precision, side, ratio * usual_m) - (np.log(ratio) / RATIO_SD) ** 2 / 2 for ratio in RATIOS
     ]
     return float(RATIOS[np.argmax(log_chance)] * usual_m)
 
 
-def added_by_errors(rest: FloatArray, turning: FloatArray, *, noise_m: float, error_m: float) -> FloatArray:
-    """What the likeliest constant errors of traces add to their offsets (traces, stations) [m]; see `size_of_errors`."""
-    precision, side = _normal_equations(rest, turning, noise_m)
-    errors = error_m**2 * np.linalg.solve(np.eye(2) + error_m**2 * precision, side[:, :, None])[:, :, 0]
-    return np.asarray(errors @ turning.T)
+def offsets_from_bias(rest: FloatArray, bias_effect: FloatArray, *, noise_m: float, bias_m: float) -> FloatArray:
+    """What the likeliest constant errors of traces add to their offsets (traces, stations) [m]; see `estimate_bias_sd`."""
+    precision, side = _normal_equations(rest, bias_effect, noise_m)
+    errors = bias_m**2 * np.linalg.solve(np.eye(2) + bias_m**2 * precision, side[:, :, None])[:, :, 0]
+    return np.asarray(errors @ bias_effect.T)
 
 
 def _log_evidence(precision: FloatArray, side: FloatArray, spread: float) -> FloatArray:
@@ -70,18 +72,23 @@ def _log_evidence(precision: FloatArray, side: FloatArray, spread: float) -> Flo
     return np.asarray((side * errors).sum(axis=1) - np.linalg.slogdet(scaled)[1]) / 2
 
 
-def _normal_equations(rest: FloatArray, turning: FloatArray, noise_m: float) -> tuple[FloatArray, FloatArray]:
+def _normal_equations(rest: FloatArray, bias_effect: FloatArray, noise_m: float) -> tuple[FloatArray, FloatArray]:
     """(traces, 2, 2) T' R^-1 T and (traces, 2) T' R^-1 r; R has white noise, a random walk over stations and a free level."""
     precision, side = np.zeros((len(rest), 2, 2)), np.zeros((len(rest), 2))
-    _innovate(rest, turning, USUAL_DRIFT_M**2, noise_m**2, precision, side)
+    _innovate(rest, bias_effect, USUAL_DRIFT_M**2, noise_m**2, precision, side)
     return precision, side
 
 
 @njit(cache=True)
 def _innovate(
-    rest: FloatArray, turning: FloatArray, drift_variance: float, white_variance: float, precision: FloatArray, side: FloatArray
+    rest: FloatArray,
+    bias_effect: FloatArray,
+    drift_variance: float,
+    white_variance: float,
+    precision: FloatArray,
+    side: FloatArray,
 ) -> None:
-    """Add up the products of innovations of offsets and of turning: the same Kalman filter whitens all of them."""
+    """Add up the products of innovations of offsets and of bias_effect: the same Kalman filter whitens all of them."""
     for i in range(len(rest)):
         level, along, across, variance = np.nan, 0.0, 0.0, 0.0
         for j in range(rest.shape[1]):
@@ -89,10 +96,10 @@ def _innovate(
             if np.isnan(rest[i, j]):
                 continue
             if np.isnan(level):
-                level, along, across, variance = rest[i, j], turning[j, 0], turning[j, 1], white_variance
+                level, along, across, variance = rest[i, j], bias_effect[j, 0], bias_effect[j, 1], white_variance
                 continue
             spread = variance + white_variance
-            new, new_along, new_across = rest[i, j] - level, turning[j, 0] - along, turning[j, 1] - across
+            new, new_along, new_across = rest[i, j] - level, bias_effect[j, 0] - along, bias_effect[j, 1] - across
             precision[i, 0, 0] += new_along * new_along / spread
             precision[i, 0, 1] += new_along * new_across / spread
             precision[i, 1, 0] += new_along * new_across / spread

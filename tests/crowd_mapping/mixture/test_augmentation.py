@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from wzsumo.crowd_mapping.cleaning.augmentation import with_copies
+from wzsumo.crowd_mapping.mixture.augmentation import with_copies
 
 
 def trace(n=200):

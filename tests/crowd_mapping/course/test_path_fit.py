@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from wzsumo.crowd_mapping.course.path_fit import between_lanes, fit_common_path
+from wzsumo.crowd_mapping.course.path_fit import fit_common_path, straddling_traces
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure, update
 from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
 
@@ -31,7 +31,7 @@ def as_traces(offsets):
 
 def odd_among(offsets):
     path = fit_common_path(offsets, width=WIDTH, weights=np.ones(len(offsets)))
-    return np.flatnonzero(between_lanes(path, offsets, width=WIDTH)).tolist()
+    return np.flatnonzero(straddling_traces(path, offsets, width=WIDTH)).tolist()
 
 
 @pytest.mark.parametrize("seed", range(4))
