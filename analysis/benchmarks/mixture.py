@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from wzsumo.crowd_mapping.mixture.expectation_maximisation import Components, run_em, to_block_axes
-from wzsumo.crowd_mapping.mixture.mixture import compile_kernels, fit_mixture
+from wzsumo.crowd_mapping.mixture.mixture import mixture_of
 from wzsumo.crowd_mapping.mixture.point_blocks import block_points
 from wzsumo.crowd_mapping.mixture.selection import sweep_mixtures
 
@@ -48,7 +48,7 @@ def iteration_row(traces, k):
     from sklearn.mixture import GaussianMixture
 
     points = zone_points(traces, seed=traces)
-    start = fit_mixture(points, n_components=k, seed=0, max_iterations=1)
+    start = sweep_mixtures(points, k_max=k).mixtures[-1]
     blocks = block_points(points)
     components = to_block_axes(blocks, Components(start.weights, start.means, start.covariances))
     ours = seconds(lambda: run_em(blocks, components, reg_covar=1e-6, tol=0.0, max_iterations=ITERATIONS), runs=5)
@@ -59,9 +59,8 @@ def iteration_row(traces, k):
     theirs = seconds(lambda: model.fit(points), runs=5 if traces <= 30 else 1)
     # Both end with one more pass for the likelihood.
     passes = ITERATIONS + 1
-    gap = np.abs(
-        fit_mixture(points, n_components=k, seed=0, start=start, tol=0.0, max_iterations=ITERATIONS).means - model.means_
-    )
+    ended = run_em(blocks, components, reg_covar=1e-6, tol=0.0, max_iterations=ITERATIONS)
+    gap = np.abs(mixture_of(blocks, ended).means - model.means_)
     print(
         f"{traces:6d} {len(points):7d} {k:3d} {1e3 * ours / passes:9.2f} {1e3 * theirs / passes:9.2f} {theirs / ours:6.1f}"
         f" {gap.max():9.1e}"
@@ -70,8 +69,8 @@ def iteration_row(traces, k):
 
 def sweep_row(traces, *, full):
     points = zone_points(traces, seed=traces)
-    ours = seconds(lambda: sweep_mixtures(points, seed=0, k_max=30), runs=5)
-    best = sweep_mixtures(points, seed=0, k_max=30).best("bic")
+    ours = seconds(lambda: sweep_mixtures(points, k_max=30), runs=5)
+    best = sweep_mixtures(points, k_max=30).best("bic")
     line = f"{traces:6d} {len(points):7d} {ours:7.2f} {best.n_components:3d} {best.bic:12.0f}"
     if full and traces <= 30:
         from sklearn.mixture import GaussianMixture
@@ -88,7 +87,7 @@ def main():
     full = parser.parse_args().full
     warnings.simplefilter("ignore")  # scikit-learn warns that ten iterations do not converge
     begun = time.perf_counter()
-    compile_kernels()
+    sweep_mixtures(zone_points(1, seed=0), k_max=3)
     print(f"compile or load: {time.perf_counter() - begun:.1f} s")
     try:
         import sklearn

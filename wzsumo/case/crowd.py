@@ -61,7 +61,7 @@ def learn_from(
     """The mixture of the traces' points on `road`, chosen by AIC or BIC over K = 1..k_max, and samples from its 95 % region."""
     table = with_copies(traces, copies=spec.copies, driver_sd_m=spec.driver_sd_m, seed=seed) if spec.copies else traces
     points = np.column_stack(road.to_sd(table[["x_m", "y_m"]]))
-    sweep = sweep_mixtures(points, seed=seed, k_max=spec.k_max, reg_covar_m2=spec.least_sd_m**2, progress=progress)
+    sweep = sweep_mixtures(points, k_max=spec.k_max, reg_covar_m2=spec.least_sd_m**2, progress=progress)
     mixture = sweep.best("aic" if spec.criterion == "aic" else "bic")
     samples = road.to_xy(*samples_inside(mixture, spec=spec, seed=seed).T)
     return Crowd(traces=traces, road=road, sweep=sweep, mixture=mixture, samples=samples)

@@ -5,12 +5,13 @@ import pytest
 from wzsumo.crowd_mapping.mixture.augmentation import with_copies
 
 
-def trace(n=200):
+def trace(n: int = 200) -> pd.DataFrame:
+    """Fixes of one vehicle on a circle of 500 m about (0, 500)."""
     angle = np.linspace(0, 1, n)
     return pd.DataFrame(
         {
             "vehicle_id": "a",
-            "time_s": np.arange(n),
+            "time_s": np.arange(n, dtype=float),
             "x_m": 500 * np.sin(angle),
             "y_m": 500 - 500 * np.cos(angle),
             "speed_mps": 9.0,
@@ -32,6 +33,11 @@ def test_offsets_of_copies_have_the_standard_deviation_of_drivers() -> None:
     offsets = np.hypot(table["x_m"], table["y_m"] - 500).groupby(table["vehicle_id"]).mean() - 500
     # The standard error of a standard deviation of n is sd / sqrt(2 n): 1.6 %.
     assert offsets.std() == pytest.approx(0.25, rel=0.05)
+
+
+def test_trace_of_one_fix_has_no_direction_and_no_copies() -> None:
+    table = with_copies(pd.concat([trace(), trace().head(1).assign(vehicle_id="b")]), copies=2, driver_sd_m=0.25, seed=1)
+    assert sorted(table["vehicle_id"].unique()) == ["a", "a copy 0", "a copy 1", "b"]
 
 
 def test_no_copies_leave_the_traces_as_they_are() -> None:

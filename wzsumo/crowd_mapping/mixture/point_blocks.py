@@ -1,4 +1,7 @@
-"""PointBlocks: points sorted into blocks of neighbours with bounding boxes, for sums that leave out what is far away."""
+"""PointBlocks: points sorted into blocks of neighbours with bounding boxes.
+
+A sum over points can then leave out, block by block, the components of a mixture that are far away.
+"""
 
 from dataclasses import dataclass
 
@@ -8,16 +11,17 @@ from scipy.spatial import cKDTree
 
 from wzsumo.frames import FloatArray
 
-BLOCK_SIZE = 128  # points; of 32, 64 and 128 the fastest per iteration by a little (analysis/benchmarks/mixture.py)
-ALONG_TO_ACROSS = 10.0  # blocks are made longer than wide, as the components of road traces are
+BLOCK_SIZE = 128  # points; the fastest of 32, 64 and 128 by a little (analysis/benchmarks/mixture.py)
+BLOCK_LENGTH_TO_WIDTH = 10.0  # blocks are long and narrow, as the components of road traces are; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointBlocks:
-    """Points sorted into blocks of neighbours, in axes that keep the numbers small.
+    """Points sorted into blocks of BLOCK_SIZE neighbours.
 
-    `x`, `y` (n,) are coordinates about `centre` (2,) along the columns of `axes` (2, 2), the principal axes of the points;
-    `order` (n,) says which given point each one is; `boxes` (blocks, 4) hold middle and half extent of each block.
+    `x`, `y` (n,) [m] are the points' coordinates from their mean `centre` (2,) along their principal axes, the columns of
+    `axes` (2, 2): the numbers stay small even in national grids of some 1e6 m. `boxes` (blocks, 4) [m] hold each block's middle
+    (x, y) and half extents.
     """
 
     x: FloatArray
@@ -25,16 +29,15 @@ class PointBlocks:
     boxes: FloatArray
     centre: FloatArray
     axes: FloatArray
-    order: npt.NDArray[np.intp]
 
     def subset(self, count: int) -> "PointBlocks":
-        """About `count` of the points, every n-th of the sorted ones: spread evenly over all places."""
+        """At least `count` of the points, every n-th of the sorted ones: they are spread evenly over all places."""
         return self.select(slice(None, None, max(1, len(self.x) // count)))
 
     def select(self, which: slice | npt.NDArray[np.intp]) -> "PointBlocks":
-        """Some of the points, in the same axes."""
+        """Some of the sorted points, in blocks of their own, in the same axes."""
         x, y = np.ascontiguousarray(self.x[which]), np.ascontiguousarray(self.y[which])
-        return PointBlocks(x=x, y=y, boxes=_boxes(x, y), centre=self.centre, axes=self.axes, order=self.order[which])
+        return PointBlocks(x=x, y=y, boxes=_boxes(x, y), centre=self.centre, axes=self.axes)
 
 
 def block_points(points: FloatArray) -> PointBlocks:
@@ -44,9 +47,9 @@ def block_points(points: FloatArray) -> PointBlocks:
     axes = np.linalg.eigh(local.T @ local)[1][:, ::-1]
     turned = local @ axes
     # The tree's leaves are boxes of neighbours; its index lists the points leaf by leaf.
-    order = np.asarray(cKDTree(turned / (ALONG_TO_ACROSS, 1.0), leafsize=BLOCK_SIZE, balanced_tree=False).indices)
+    order = np.asarray(cKDTree(turned / (BLOCK_LENGTH_TO_WIDTH, 1.0), leafsize=BLOCK_SIZE, balanced_tree=False).indices)
     x, y = np.ascontiguousarray(turned[order].T)
-    return PointBlocks(x=x, y=y, boxes=_boxes(x, y), centre=centre, axes=np.ascontiguousarray(axes), order=order)
+    return PointBlocks(x=x, y=y, boxes=_boxes(x, y), centre=centre, axes=np.ascontiguousarray(axes))
 
 
 def _boxes(x: FloatArray, y: FloatArray) -> FloatArray:

@@ -1,12 +1,16 @@
-"""Starts for a mixture with one component more or one less than a fitted one: promising splits and harmless merges."""
+"""Starts for the fit of a mixture with one component more, or one less, than a fitted one.
+
+A split replaces one component by two halves of it, a merge two components by one of their moments. Both are ranked: splits by
+the likelihood that they gain, merges by a bound on the divergence that they cost.
+"""
 
 import numpy as np
 
-from wzsumo.crowd_mapping.mixture.expectation_maximisation import Components, run_em, strongest
+from wzsumo.crowd_mapping.mixture.expectation_maximisation import Components, most_responsible, run_em
 from wzsumo.crowd_mapping.mixture.point_blocks import PointBlocks
 from wzsumo.frames import FloatArray
 
-SPLIT_ITERATIONS = 4  # of a pair on the points of the component it came from: they rank splits, no more
+SPLIT_ITERATIONS = 4  # EM iterations of the two halves on the points of their component; chosen by us, enough to rank splits
 MIN_POINTS_TO_SPLIT = 2
 
 
@@ -19,9 +23,10 @@ def single_component(blocks: PointBlocks, *, reg_covar: float) -> Components:
 def splits(components: Components, blocks: PointBlocks, *, count: int, reg_covar: float) -> list[Components]:
     """At most `count` starts with one component split in two along one of its axes, the largest gain in likelihood first.
 
-    The gain of a split is estimated on the points that belong most to the component, by a mixture of two of its own.
+    The gain is estimated on the points for which the component is the most responsible one: by how much a mixture of the two
+    halves, after a few iterations of EM, is more likely on them than their normal distribution.
     """
-    label = strongest(blocks.x, blocks.y, components)
+    label = most_responsible(blocks.x, blocks.y, components)
     order = np.argsort(label, kind="stable")
     ends = np.searchsorted(label[order], np.arange(len(components.weights) + 1))
     pairs: list[tuple[float, int, Components]] = []
@@ -31,7 +36,7 @@ def splits(components: Components, blocks: PointBlocks, *, count: int, reg_covar
         if n < MIN_POINTS_TO_SPLIT:
             continue
         mean, covariance = _moments(own, reg_covar=reg_covar)
-        # Log-likelihood of n points under the normal of their own moments, up to what the pair's has in common.
+        # Log-likelihood of n points under the normal distribution of their own moments.
         alone = -n / 2 * (np.log(np.linalg.det(covariance)) + 2 + 2 * np.log(2 * np.pi))
         for pair in _halves(mean, covariance):
             halves = run_em(own, pair, reg_covar=reg_covar, tol=0.0, max_iterations=SPLIT_ITERATIONS)
@@ -41,9 +46,10 @@ def splits(components: Components, blocks: PointBlocks, *, count: int, reg_covar
 
 
 def merges(components: Components, *, count: int) -> list[Components]:
-    """At most `count` starts with two components merged into one of their moments, the smallest loss first.
+    """At most `count` starts with two components i, j merged into one of their moments (w, S), the smallest loss first.
 
-    The loss is Runnalls' bound on the Kullback-Leibler divergence (Runnalls 2007, IEEE Trans. AES 43(3), eq. 16).
+    The loss  w log det S - w_i log det S_i - w_j log det S_j  is twice a bound on the Kullback-Leibler divergence from the
+    mixture before (Runnalls 2007, IEEE Trans. AES 43(3), eq. 16).
     """
     weights, means, covariances = components
     i, j = np.triu_indices(len(weights), 1)
@@ -72,7 +78,7 @@ def merges(components: Components, *, count: int) -> list[Components]:
 
 
 def _moments(blocks: PointBlocks, *, reg_covar: float) -> tuple[FloatArray, FloatArray]:
-    """Mean (2,) and covariance (2, 2) of all points."""
+    """Mean (2,) and covariance (2, 2), regularised, of all points."""
     xy = np.stack([blocks.x, blocks.y])
     mean = xy.mean(axis=1)
     local = xy - mean[:, None]
@@ -80,19 +86,19 @@ def _moments(blocks: PointBlocks, *, reg_covar: float) -> tuple[FloatArray, Floa
 
 
 def _with_pair(components: Components, j: int, pair: Components) -> Components:
-    """Component j replaced by two of them; the pair's weights are shares of its own."""
+    """The components with component j replaced by a pair, whose weights are shares of its weight."""
     rest = np.arange(len(components.weights)) != j
     scaled = pair._replace(weights=pair.weights * components.weights[j])
     return Components(*(np.concatenate([old[rest], new]) for old, new in zip(components, scaled, strict=True)))
 
 
 def _halves(mean: FloatArray, covariance: FloatArray) -> list[Components]:
-    """Two halves of one component along each of its two axes, with its mean and covariance together."""
+    """For each of the two axes of a component its two halves along it; together they have its mean and covariance."""
     variances, axes = np.linalg.eigh(covariance)
-    out = []
+    pairs = []
     for variance, axis in zip(variances, axes.T, strict=True):
-        # Halves of a normal lie sqrt(2/pi) standard deviations from its middle.
+        # The mean of one half of a normal distribution lies sqrt(2 / pi) standard deviations from its middle.
         step = np.sqrt(2 / np.pi * variance) * axis
         shrunk = covariance - step[:, None] * step
-        out.append(Components(np.full(2, 0.5), np.array([mean - step, mean + step]), np.array([shrunk, shrunk])))
-    return out
+        pairs.append(Components(np.full(2, 0.5), np.array([mean - step, mean + step]), np.array([shrunk, shrunk])))
+    return pairs
