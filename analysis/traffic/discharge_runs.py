@@ -130,7 +130,7 @@ def stations_of_loops(files: SumoFiles, layout: WorkZoneLayout) -> dict[str, flo
     """Stations [m] where flow is counted and where a queue shows."""
     work, zone = layout.area("activity area"), layout.work_zone
     n_open = layout.road.own_lanes - len(zone.closed_lanes)
-    last_merge = max(edge.end for edge in files.edges if len(edge.through) > n_open and edge.end < work.start)
+    last_merge = max(edge.end for edge in files.edges if len(edge.through_lanes) > n_open and edge.end < work.start)
     return {"work": (work.start + work.end) / 2, "upstream": last_merge - UPSTREAM_M}
 
 

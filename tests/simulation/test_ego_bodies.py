@@ -4,7 +4,7 @@ from builders import paper_layout
 
 from wzsumo.ego import EgoState
 from wzsumo.simulation.edges import edges_of
-from wzsumo.simulation.ego_bodies import seen_by_others
+from wzsumo.simulation.ego_bodies import bodies_in_lanes
 from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 
@@ -20,7 +20,7 @@ WITHIN = 0.4  # of a lane's lines is what is shown in it
 
 def seen(y, *, heading=0.0, traffic=NOBODY, x=100.0):
     state = EgoState(x=x, y=y, heading=heading, speed=10.0)
-    return seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=EDGES)
+    return bodies_in_lanes(state, CAR, traffic, road=LAYOUT.road, edges=EDGES)
 
 
 def lanes_of(parts):
@@ -29,7 +29,7 @@ def lanes_of(parts):
 
 def test_ego_in_the_middle_of_its_lane_is_shown_there_alone_as_wide_as_it_is_with_its_clearance() -> None:
     (part,) = seen(1.5 * LANE)
-    assert (part.lane, part.edge, part.index) == (1, EDGES[0].id, 1)
+    assert (part.lane, part.edge, part.lane_on_edge) == (1, EDGES[0].id, 1)
     assert part.front == pytest.approx([100.0 + CAR.axle_to_bumper_m, 1.5 * LANE, 0.0])
     assert part.width == pytest.approx(CAR.width_m + 2 * 0.3)
 
@@ -84,11 +84,11 @@ def test_every_part_lies_within_its_lane_and_the_first_in_the_one_nearest_to_the
     parts = seen(y, heading=turned, x=x)
     for part in parts:
         edge = next(edge for edge in EDGES if edge.id == part.edge)
-        lane = edge.lanes[part.index]
+        lane = edge.lanes[part.lane_on_edge]
         assert lane.index == part.lane
         right, left = float(lane.right(part.front[0])), float(lane.left(part.front[0]))
         assert right + WITHIN - 0.01 < part.front[1] - part.width / 2 < part.front[1] + part.width / 2 < left - WITHIN + 0.01
-    middle = {lane.index: float(lane.right(part.front[0]) + lane.left(part.front[0])) / 2 for lane in edge.through}
+    middle = {lane.index: float(lane.right(part.front[0]) + lane.left(part.front[0])) / 2 for lane in edge.through_lanes}
     front_y = y + CAR.axle_to_bumper_m * np.sin(turned)
     assert parts[0].lane == min(middle, key=lambda lane: abs(middle[lane] - front_y))
 

@@ -24,7 +24,7 @@ def closing_layout(closed, shoulder):
 def traces_of_two(layout, folder, *, side):
     """Of a car half over the line where the lane on one side (1: left) of lane 1 ends, and of one that stands beside it."""
     net, edges = write_network(layout, folder), edges_of(layout)
-    first_without = next(number for number, edge in enumerate(edges) if len(edge.through) < len(edge.lanes))
+    first_without = next(number for number, edge in enumerate(edges) if len(edge.through_lanes) < len(edge.lanes))
     last_with = edges[first_without - 1]
     length = last_with.end - last_with.start
     edge_ids = " ".join(edge.id for edge in edges[first_without - 1 :])
@@ -54,7 +54,7 @@ def test_car_half_over_the_line_at_the_end_of_its_lane_goes_on_though_somebody_s
 def outlines_of_one_half_over(layout, folder):
     """Of a car half over the line of the closing left lane, past a row of cars that stand and leave it no room in theirs."""
     net, edges = write_network(layout, folder), edges_of(layout)
-    narrow = next(number for number, edge in enumerate(edges) if len(edge.through) < len(edge.lanes))
+    narrow = next(number for number, edge in enumerate(edges) if len(edge.through_lanes) < len(edge.lanes))
     reach = edges[narrow].end - edges[narrow].start
     ids, size = [edge.id for edge in edges], f'length="{LENGTH_M}" width="{WIDTH_M}"'
     at = 'depart="0" insertionChecks="none" departLane="1"'
@@ -84,6 +84,6 @@ def test_driver_who_finds_no_room_beside_him_waits_over_the_line_of_a_closing_la
 
 
 def test_nobody_drives_on_what_is_left_of_a_closed_lane() -> None:
-    edge = next(edge for edge in edges_of(paper_layout()) if len(edge.through) < len(edge.lanes))
-    assert [lane.index for lane in edge.through] == [0, 1]
+    edge = next(edge for edge in edges_of(paper_layout()) if len(edge.through_lanes) < len(edge.lanes))
+    assert [lane.index for lane in edge.through_lanes] == [0, 1]
     assert [lane.index for lane in edge.lanes] == [0, 1, 2]

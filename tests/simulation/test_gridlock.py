@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wzsumo.simulation.gridlock import PATIENCE_S, Gridlock, may_go_first
+from wzsumo.simulation.gridlock import Gridlock, may_go_first
 
 # Read off a run of the 3-to-1 closure on straight lanes: who stands half over the line, who waits behind him in the lane that
 # stays open, and who follows him in his own.
@@ -66,10 +66,10 @@ def resolve(sumo, gridlock):
 
 
 def test_driver_is_let_go_only_when_he_has_stood_for_long_and_drives_as_before_once_he_moves() -> None:
-    sumo = vehicles_of_sumo(waited_s=PATIENCE_S - 1, speed=0.0)
+    sumo = vehicles_of_sumo(waited_s=9.9, speed=0.0)
     gridlock = Gridlock(sumo)
     assert resolve(sumo, gridlock) == []
-    sumo.state.waited_s = PATIENCE_S + 1
+    sumo.state.waited_s = 10.1
     assert resolve(sumo, gridlock) == [("over", "mode", 1), ("over", "lane", 0)]
     sumo.state.speed, sumo.state.waited_s = 2.0, 0.0
     assert resolve(sumo, gridlock) == [("over", "mode", 1621)]  # SUMO docs, TraCI lane change mode: the default

@@ -7,9 +7,9 @@ from builders import paper_layout, paper_road, paper_work_zone
 from sumo_runs import driven, outlines_in
 
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.simulation.demand import KEEPS_TO_A_LANE, DemandSpec, write_demand
+from wzsumo.simulation.demand import LANE_KEEPING, DemandSpec, write_demand
 from wzsumo.simulation.edges import edges_of
-from wzsumo.simulation.network import NOBODY, write_network
+from wzsumo.simulation.network import write_network
 
 HALF_OVER_M = 1.5  # from the middle of his lane: a car 1.85 m wide then reaches 0.6 m over the line
 AHEAD_M = 105  # of the nose: nobody may change lanes from 100 m on
@@ -32,7 +32,7 @@ def traces_of_one_half_over(folder, *, lane, others):
     position = NOSE - AHEAD_M - edges[first].start
     towards = 1 if lane == 0 else -1
     at = f'type="car" route="on" depart="0" insertionChecks="none" departLane="{lane}" departSpeed="{SPEED}"'
-    habits = " ".join(f'{key}="{value}"' for key, value in KEEPS_TO_A_LANE.items())
+    habits = " ".join(f'{key}="{value}"' for key, value in LANE_KEEPING.items())
     beside = "".join(
         f'<vehicle id="other_{n}" {at} departPos="{position + gap:.2f}" departPosLat="{-0.5 * towards}"/>'
         for n, gap in enumerate(others)
@@ -75,6 +75,6 @@ def test_closed_ground_between_two_lanes_is_a_lane_that_bars_everybody_from_the_
     for edge in edges_of(LAYOUT):
         allowed = [lane.get("allow") for lane in net.findall(f"edge[@id='{edge.id}']/lane")]
         if NOSE < edge.end <= LAYOUT.area("downstream taper").end:
-            assert allowed == [None, NOBODY, None], edge.id
+            assert allowed == [None, "custom1", None], edge.id
         else:
-            assert NOBODY not in allowed, edge.id
+            assert "custom1" not in allowed, edge.id

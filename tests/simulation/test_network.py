@@ -8,15 +8,15 @@ from builders import bent_road, paper_layout, paper_road, paper_work_zone
 
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.edges import edges_of
-from wzsumo.simulation.network import LINE_MARGIN_M, LONGEST_M, REST_WIDTH_M, write_network
+from wzsumo.simulation.network import write_network
 
 UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
 NARROWEST_FT = 8  # a closing lane ends where it is narrower
 
 
-def is_rest(lane):
+def is_thin(lane):
     """Whether a lane of the net file is what is left of a closing lane past its end, or the gore between two lanes."""
-    return float(lane.get("width")) == REST_WIDTH_M
+    return float(lane.get("width")) == 0.1
 
 
 def lanes_of_net(layout, folder):
@@ -26,7 +26,7 @@ def lanes_of_net(layout, folder):
         if edge.get("function") == "internal":
             continue
         for lane in edge.findall("lane"):
-            if is_rest(lane):
+            if is_thin(lane):
                 continue
             points = np.array([p.split(",")[:2] for p in lane.get("shape").split()], dtype=float)
             s, d = layout.road.to_sd(points)
@@ -69,7 +69,7 @@ def test_lane_centre_lines_in_the_net_match_the_layout_within_1_cm(tmp_path: Pat
 
 def test_lanes_of_the_paper_zone_are_three_then_two_then_three() -> None:
     layout = paper_layout()
-    counts = {edge.id: len(edge.through) for edge in edges_of(layout)}
+    counts = {edge.id: len(edge.through_lanes) for edge in edges_of(layout)}
     in_order = list(counts.values())
     assert in_order[0] == in_order[-1] == 3
     changes = [b - a for a, b in pairwise(in_order) if a != b]
@@ -96,7 +96,7 @@ def test_closed_lane_ends_inside_the_merging_taper_where_it_is_8_ft_wide(tmp_pat
     end = left[three[-1]][0][-1]
     # 12 ft shrink to 8 ft over a third of the 720 ft.
     assert end == pytest.approx(taper.start + 240 * 0.3048, abs=0.01)
-    assert left[three[-1]][1] == pytest.approx(NARROWEST_FT * 0.3048 - LINE_MARGIN_M, abs=0.03)
+    assert left[three[-1]][1] == pytest.approx(NARROWEST_FT * 0.3048 - 0.2, abs=0.03)
     in_taper = [edge for edge in three if left[edge][0][0] > taper.start - 0.1]
     assert all("truck" in left[edge][2] for edge in in_taper)
 
@@ -106,7 +106,7 @@ def test_every_lane_but_the_closing_one_leads_on(tmp_path: Path) -> None:
     net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 our own file
     leads_on = {(c.get("from"), int(c.get("fromLane"))) for c in net.findall("connection")}
     edges = [e for e in net.findall("edge") if e.get("function") != "internal"]
-    lanes = {(e.get("id"), int(lane.get("index"))) for e in edges[:-1] for lane in e.findall("lane") if not is_rest(lane)}
+    lanes = {(e.get("id"), int(lane.get("index"))) for e in edges[:-1] for lane in e.findall("lane") if not is_thin(lane)}
     ends = lanes - leads_on
     assert len(ends) == 1
     ((edge, index),) = ends
@@ -127,6 +127,6 @@ def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path: Path, name)
 def test_lanes_on_a_bend_are_narrower_by_what_a_truck_cuts_on_either_side(tmp_path: Path, radius_ft: int) -> None:
     layout = lay_out(paper_work_zone(closed_lanes=(), **UNSHIFTED), bent_road(radius_ft))
     widths = {width for _, _, _, width, _ in lanes_of_net(layout, tmp_path)}
-    lane_m, sagitta_m = 12 * 0.3048, LONGEST_M**2 / (8 * abs(radius_ft) * 0.3048)
-    assert min(widths) == pytest.approx(lane_m - LINE_MARGIN_M - 2 * sagitta_m, abs=0.01)  # a polyline's corners are sharper
-    assert max(widths) <= lane_m - LINE_MARGIN_M + 0.0005
+    lane_m, sagitta_m = 12 * 0.3048, 12.0**2 / (8 * abs(radius_ft) * 0.3048)
+    assert min(widths) == pytest.approx(lane_m - 0.2 - 2 * sagitta_m, abs=0.01)  # a polyline's corners are sharper
+    assert max(widths) <= lane_m - 0.2 + 0.0005

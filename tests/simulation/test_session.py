@@ -12,9 +12,9 @@ from wzsumo.frames import advance
 from wzsumo.metrics.conflicts import boxes_overlap
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec
-from wzsumo.simulation.ego_bodies import seen_by_others
+from wzsumo.simulation.ego_bodies import bodies_in_lanes
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
-from wzsumo.simulation.session import EGO_ID, SIDE_CLEARANCE_M, Part, running
+from wzsumo.simulation.session import EGO_ID, LaneBody, running
 from wzsumo.vehicle import VehicleGeometry
 
 LAYOUT = paper_layout(start_ft=3800, work_length_ft=100, closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None)
@@ -39,7 +39,7 @@ def drive(session, files, *, y, x=250.0, speed=10.0, duration_s=5.0, step_s=0.05
     traffic = session.traffic()
     for step in range(1, int(duration_s / step_s) + 1):
         state = EgoState(x=x + speed * step_s * step, y=y, heading=0.0, speed=speed)
-        parts = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+        parts = bodies_in_lanes(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
         session.place_ego(parts if shown else parts[:1], speed=speed)
         session.step()
         traffic = session.traffic()
@@ -93,8 +93,8 @@ def test_ego_on_the_outer_side_of_a_kink_between_two_edges_is_counted_to_the_lan
         for (before, across, after), front in kinks:
             for behind_m in (0.5, 0.0):
                 edge, index = before.rsplit("_", maxsplit=1)
-                part = Part(lane=0, edge=edge, index=int(index), front=advance(front, -behind_m), width=1.0)
-                session.place_ego((part,), speed=10.0)
+                body = LaneBody(lane=0, edge=edge, lane_on_edge=int(index), front=advance(front, -behind_m), width=1.0)
+                session.place_ego((body,), speed=10.0)
                 session.step()
             assert session._sumo.vehicle.getLaneID(EGO_ID) in (before, across, after)
 
@@ -158,10 +158,10 @@ def who_touches_an_ego_that_stands_askew(files, *, as_it_lies):
             speed = max(speed - 0.1, 0.0)
             x += 0.05 * speed
             state = EgoState(x=x, y=1.5 * LANE + 0.7, heading=0.12, speed=speed)
-            own, *others = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+            own, *others = bodies_in_lanes(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
             if not as_it_lies:
                 front = advance(state.pose, CAR.axle_to_bumper_m)
-                own = replace(own, front=front, width=CAR.width_m + 2 * SIDE_CLEARANCE_M)
+                own = replace(own, front=front, width=CAR.width_m + 2 * 0.3)
             session.place_ego((own, *others), speed=speed)
             session.step()
             traffic = session.traffic()
@@ -194,13 +194,13 @@ def test_body_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(fi
     with running(files.config, options=FINE) as session:
         api = session._sumo.vehicle
         *_, (state, traffic) = drive(session, files, y=LANE, duration_s=0.5)
-        both = seen_by_others(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+        both = bodies_in_lanes(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
         known = {name for name, *_ in bodies(session)}
         assert len({lane for _, lane, *_ in bodies(session)}) == len(known) == 2
         for _ in range(45):
             session.place_ego(both[:1], speed=state.speed)
             session.step()
-        assert {lane for _, lane, *_ in bodies(session)} == {f"{both[0].edge}_{both[0].index}"}
+        assert {lane for _, lane, *_ in bodies(session)} == {f"{both[0].edge}_{both[0].lane_on_edge}"}
         assert {api.getPosition(name) for name in known} == {api.getPosition(EGO_ID)}
         assert min(width for *_, width, _ in bodies(session)) == pytest.approx(0.1)
         for _ in range(2):
@@ -216,8 +216,8 @@ def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path: Pa
     layout = paper_layout()
     spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
     closing = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
-    edge = next(edge for edge in closing.edges if len(edge.through) < len(edge.lanes))
-    open_lane = edge.through[-1]
+    edge = next(edge for edge in closing.edges if len(edge.through_lanes) < len(edge.lanes))
+    open_lane = edge.through_lanes[-1]
     station = (edge.start + edge.end) / 2
     line = float(open_lane.left(station))
     with running(closing.config, options=FINE) as session:
@@ -228,7 +228,8 @@ def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path: Pa
         front = np.array([station, line - 0.45, 0.0])
         index = edge.lanes.index(open_lane)
         for _ in range(2):
-            session.place_ego((Part(lane=open_lane.index, edge=edge.id, index=index, front=front, width=0.1),), speed=0.0)
+            body = LaneBody(lane=open_lane.index, edge=edge.id, lane_on_edge=index, front=front, width=0.1)
+            session.place_ego((body,), speed=0.0)
             session.step()
         assert session._sumo.vehicle.getLaneID(EGO_ID) == f"{edge.id}_{index}"
 
@@ -255,7 +256,7 @@ def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reache
             offset = LANE * (2.5 - 2 * share + np.clip((station - start - 150.0) / 60.0, 0.0, 1.0))
             x, y = layout.road.to_xy(station, offset)
             state = EgoState(x=x, y=y, heading=float(layout.road.heading_at(station)), speed=speed)
-            session.place_ego(seen_by_others(state, CAR, session.traffic(), road=layout.road, edges=bent.edges), speed=speed)
+            session.place_ego(bodies_in_lanes(state, CAR, session.traffic(), road=layout.road, edges=bent.edges), speed=speed)
             for name, lane, aside, width, lane_width in bodies(session):  # as SUMO holds them while it steps
                 assert lane or name not in known
                 assert not lane or abs(aside) + width / 2 <= lane_width / 2 + 1e-6

@@ -17,7 +17,7 @@ from wzsumo.metrics.contact import ContactChecker
 from wzsumo.metrics.drive import on_clock
 from wzsumo.path import ReferencePath
 from wzsumo.scenario.sections import ControlSection
-from wzsumo.simulation.ego_bodies import seen_by_others
+from wzsumo.simulation.ego_bodies import bodies_in_lanes
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.session import Session, running
 from wzsumo.tables import EGO_LOG_COLUMNS
@@ -77,7 +77,7 @@ def drive_path(
                         Outcome.NO_PATH, f"on the map that came after {session.time - entered:.1f} s {replan.reason}"
                     )
             if on_clock(session.time):  # as often as the other drivers
-                session.let_brake_hard(_behind(state, traffic))
+                session.allow_emergency_braking(_behind(state, traffic))
                 session.resolve_gridlock(traffic)
                 way = course.way(state)
                 hindrance = hindrance_of(way, traffic, layout=layout, may_enter=session.may_enter_shared_lane())
@@ -86,7 +86,7 @@ def drive_path(
             command = course.controller.command(state, dt=STEP_S, ceiling=allowed)
             record.rows.append(_log_row(session.time, state, command, course.controller))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
-            seen = seen_by_others(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
+            seen = bodies_in_lanes(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
             session.place_ego(seen, speed=state.speed)
             session.step()
             on_step(course.controller.station_m)

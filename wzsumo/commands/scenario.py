@@ -56,7 +56,7 @@ def write_net(scenario: Path, out: Path) -> Figures:
     spec = load_scenario(scenario)
     with staged_folder(out) as stage:
         files = write_sumo_files(spec.layout(), stage, spec=spec.zone_simulation(), seed=spec.seed)
-    return {"config": str(out / files.config.name), "edges": {edge.id: len(edge.through) for edge in files.edges}}
+    return {"config": str(out / files.config.name), "edges": {edge.id: len(edge.through_lanes) for edge in files.edges}}
 
 
 def run_scenario(scenario: Path, out: Path, *, seed: int | None, methods: list[str] | None, in_window: bool) -> Figures:

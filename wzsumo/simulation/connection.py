@@ -1,6 +1,6 @@
-"""Ways to a running SUMO: as a library in this process, or in the window of sumo-gui. Alone in importing libsumo and traci.
+"""SUMO on this machine: its programs, and a connection to a simulation as a library or in the window of sumo-gui.
 
-Both give the same functions under the same names.
+No other module imports libsumo or traci. Both have the same functions under the same names.
 """
 
 import io
@@ -13,10 +13,12 @@ from typing import Any
 
 from wzsumo.errors import DisplayError, SumoMissingError
 
-WINDOW_DELAY_MS = 40  # a step of 50 ms in about real time: the rest of it goes into drawing
+WINDOW_DELAY_MS = 40  # a step of 50 ms then takes about real time, with 10 ms for drawing
 WINDOW_ZOOM = 1200.0  # of sumo-gui: some 150 m of road
-OPENING_TRIES = 30  # once a second: a large network takes its time
+OPENING_TRIES = 30  # one a second; chosen by us for large networks
 MARK_RGBA = (213, 94, 0, 255)  # vermilion; Okabe and Ito 2008, "Color universal design"
+SYSTEM_LIBRARIES = "libgl1 libx11-6 libxext6 libxrender1 libatomic1 libexpat1"  # what libsumo 1.28 links on Debian 12
+REMEDY = f"on Debian or Ubuntu: apt-get install {SYSTEM_LIBRARIES}; Python packages: make setup"
 _VIEW = "View #0"  # sumo-gui's name of its first window
 
 
@@ -52,12 +54,12 @@ def connected_window(arguments: Sequence[str]) -> Iterator[Any]:
 
 
 def window_command(program: Path, arguments: Sequence[str]) -> list[str]:
-    """The command line of sumo-gui: it starts at once, slowly enough to be watched, and goes away at the end."""
+    """The command line of a sumo-gui that starts at once, slowly enough to be watched, and closes at the end."""
     return [str(program), *arguments, "--start", "--quit-on-end", "--delay", str(WINDOW_DELAY_MS)]
 
 
 def follow_in_window(api: Any, vehicle: str) -> None:
-    """Let the window follow a vehicle, marked and close enough to see how it lies in its lane."""
+    """Let the window follow a vehicle in a colour of its own, close enough to see its place in the lane."""
     api.vehicle.setColor(vehicle, MARK_RGBA)
     api.gui.trackVehicle(_VIEW, vehicle)
     api.gui.setZoom(_VIEW, WINDOW_ZOOM)
@@ -65,51 +67,12 @@ def follow_in_window(api: Any, vehicle: str) -> None:
 
 def refuse_without_display() -> None:
     """Raise DisplayError on a machine that has no display to open a window on."""
-    needs_name = sys.platform.startswith("linux")  # elsewhere the desktop is found without one
+    needs_name = sys.platform.startswith("linux")  # elsewhere SUMO finds the desktop without a name
     if needs_name and not os.environ.get("DISPLAY"):
         raise DisplayError(
             "--gui: there is no display here (DISPLAY is not set); run it on a desktop or through `ssh -X`, or leave --gui "
             "out: report.html plays the drive"
         )
-
-
-def _load_libsumo() -> Any:
-    # It prints a line about pyarrow on stdout unless told to be quiet, and sets PROJ_LIB for the whole process, which breaks
-    # other users of PROJ (rasterio).
-    with _as_told("quiet"):
-        try:
-            import libsumo
-        except ImportError as error:
-            raise SumoMissingError(f"libsumo cannot be loaded ({error}); {REMEDY}") from None
-    return libsumo
-
-
-def _load_traci() -> Any:
-    with _as_told(None):  # with it traci is libsumo, which has no window
-        try:
-            import traci
-        except ImportError as error:
-            raise SumoMissingError(f"traci cannot be loaded ({error}); {REMEDY}") from None
-    return traci
-
-
-@contextmanager
-def _as_told(libsumo_as_traci: str | None) -> Iterator[None]:
-    """Environment in which SUMO's packages are imported; what they read and what they spoil is as before at the end."""
-    before = {name: os.environ.pop(name, None) for name in ("LIBSUMO_AS_TRACI", "PROJ_LIB", "PROJ_DATA")}
-    if libsumo_as_traci is not None:
-        os.environ["LIBSUMO_AS_TRACI"] = libsumo_as_traci
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name, None)
-            if value is not None:
-                os.environ[name] = value
-
-
-SYSTEM_LIBRARIES = "libgl1 libx11-6 libxext6 libxrender1 libatomic1 libexpat1"  # what libsumo 1.28 links on Debian 12
-REMEDY = f"on Debian or Ubuntu: apt-get install {SYSTEM_LIBRARIES}; Python packages: make setup"
 
 
 def sumo_binary(name: str) -> Path:
@@ -122,3 +85,38 @@ def sumo_binary(name: str) -> Path:
     if not os.access(program, os.X_OK):
         raise SumoMissingError(f"SUMO's program {name} is not at {program}; {REMEDY}")
     return program
+
+
+def _load_libsumo() -> Any:
+    # Unless told to be quiet, it prints a line about pyarrow on stdout. It sets PROJ_LIB for the whole process, which breaks
+    # other users of PROJ (rasterio).
+    with _import_environment("quiet"):
+        try:
+            import libsumo
+        except ImportError as error:
+            raise SumoMissingError(f"libsumo cannot be loaded ({error}); {REMEDY}") from None
+    return libsumo
+
+
+def _load_traci() -> Any:
+    with _import_environment(None):  # else traci would be libsumo, which has no window
+        try:
+            import traci
+        except ImportError as error:
+            raise SumoMissingError(f"traci cannot be loaded ({error}); {REMEDY}") from None
+    return traci
+
+
+@contextmanager
+def _import_environment(libsumo_as_traci: str | None) -> Iterator[None]:
+    """LIBSUMO_AS_TRACI as given while SUMO's packages are imported; afterwards it and what they set are as before."""
+    before = {name: os.environ.pop(name, None) for name in ("LIBSUMO_AS_TRACI", "PROJ_LIB", "PROJ_DATA")}
+    if libsumo_as_traci is not None:
+        os.environ["LIBSUMO_AS_TRACI"] = libsumo_as_traci
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name, None)
+            if value is not None:
+                os.environ[name] = value

@@ -1,7 +1,7 @@
-"""The fleet: vehicle types with scattered drivers, and one explicit vehicle a departure.
+"""The demand as SUMO's route file: vehicle types whose drivers differ, and one vehicle for each departure.
 
-Everything is drawn from the seed here, so that a route file says exactly who drives; SUMO's own random numbers only move
-speeds and dawdling, by the seed in the configuration.
+Departures, vehicle types and lanes are drawn here from the seed, so the route file lists every vehicle. SUMO itself draws only
+desired speeds and dawdling, from the seed in its configuration.
 """
 
 from pathlib import Path
@@ -20,31 +20,29 @@ from wzsumo.spec import Spec
 
 
 class DemandSpec(Spec):
-    """Who arrives at the road's start."""
+    """The traffic that arrives at the road's start, and its drivers."""
 
-    flow_vph: float = Field(
-        1500.0, gt=0
-    )  # all lanes together; well below what two open lanes discharge (HCM 7: about 1,800 pc/h each)
-    flow_profile: tuple[tuple[float, float], ...] = ()  # (from this time [s], veh/h) instead of one flow_vph throughout
+    # All lanes together; well below what two open lanes discharge (HCM 7: about 1,800 pc/h each).
+    flow_vph: float = Field(1500.0, gt=0)
+    flow_profile: tuple[tuple[float, float], ...] = ()  # (from this time [s], veh/h), instead of flow_vph
     opposing_flow_vph: float = Field(0.0, ge=0)  # the other direction of a two-way road, all its lanes together
     truck_share: float = Field(0.10, ge=0, lt=1)  # of the order of the HCM's default for freeways
     lane_use: tuple[float, ...] = ()  # share of vehicles by lane at the road's start from the right; empty: even
     duration_s: float = Field(1200.0, gt=0)
-    # Flows count, and the ego departs, from then on. The road is full after the slowest vehicle has passed it once (1.8 km at
-    # 21 m/s: 87 s).
+    # From then on flows are counted and the ego may depart: the slowest vehicle has passed the road (1.8 km at 21 m/s: 87 s).
     warm_up_s: float = Field(120.0, ge=0)
     speed_factor_sd: float = Field(0.1, ge=0, le=0.5)  # SUMO's default for passenger cars
-    lateral_sd_m: float = Field(0.2, ge=0, le=1)  # of the place in the lane that a driver aims at
-    lateral_wander: float = Field(0.08, ge=0)  # SUMO lcSigma, of one driver
-    # Drivers begin to look for a gap uniformly this far ahead of the closing lane's end. From 27 m/s at 4.5 m/s2 nobody can
-    # stop there from less than about 80 m.
+    lateral_sd_m: float = Field(0.2, ge=0, le=1)  # between drivers, of the place in the lane that each aims at
+    lateral_wander: float = Field(0.08, ge=0)  # SUMO's lcSigma: how far a driver strays from that place
+    # From how far ahead of the closing lane's end drivers look for a gap, uniformly between these two. At 4.5 m/s2 a car stops
+    # from 27 m/s within some 80 m, so the nearest leaves room to stop.
     merge_ahead_m: tuple[float, float] = (100.0, 500.0)
-    # "hcm": fitted to what the HCM lets the scenario's zone discharge; the name of a preset; or a table of DriverSpec's keys.
+    # "hcm": fitted to the HCM's queue discharge of the scenario's zone; the name of a preset; or a table of DriverSpec's keys.
     drivers: DriverSpec = UNCALIBRATED
 
     @field_validator("drivers", mode="before")
     @classmethod
-    def _preset_of_that_name(cls, given: object) -> object:
+    def _preset_from_its_name(cls, given: object) -> object:
         if isinstance(given, str):
             if given not in DRIVER_PRESETS:
                 raise ValueError(f"unknown drivers; known presets: {', '.join(DRIVER_PRESETS)}; or give a table of keys")
@@ -52,11 +50,11 @@ class DemandSpec(Spec):
         return given
 
     @field_serializer("drivers")
-    def _undecided_by_its_name(self, drivers: DriverSpec) -> str | dict[str, object]:
+    def _name_while_the_zone_decides(self, drivers: DriverSpec) -> str | dict[str, object]:
         return drivers.name if drivers == BY_THE_HCM else drivers.model_dump()
 
     @model_validator(mode="after")
-    def _lane_use_is_a_share(self) -> Self:
+    def _shares_flows_and_distances_are_possible(self) -> Self:
         if self.lane_use and (min(self.lane_use) < 0 or abs(sum(self.lane_use) - 1) > 1e-6):
             raise ValueError(f"lane_use={self.lane_use} must be shares of 0 or more that add up to 1")
         times = [time for time, _ in self.flow_profile]
@@ -71,33 +69,34 @@ class DemandSpec(Spec):
 
 CAR = {"length_m": 4.8, "width_m": 1.85}  # SUMO "passenger": 5 m; mean US fleet about 4.8 x 1.85 m
 TRUCK = {"length_m": 12.0, "width_m": 2.5}  # SUMO "truck" 7.1 x 2.4 m; US single-unit to semi-trailer mix
-# SUMO's default for cars; a loaded truck. Nobody brakes harder: with SUMO's emergencyDecel of 9 m/s2 drivers who merge across
-# the short edges of a taper brake at 9 m/s2 for a single step of 0.1 s with nobody ahead (SUMO 1.28, SL2015; 26 times among
-# 1105 vehicles). Without it the same fleets have no overlap, nobody in the closed area and the same places of merging.
+# Service brake: SUMO's default for cars; a loaded truck. emergencyDecel is set to the same. With SUMO's 9 m/s2, vehicles that
+# merge across the short edges of a taper brake at 9 m/s2 for a single step of 0.1 s with no vehicle ahead (SUMO 1.28, SL2015;
+# 26 times among 1105 vehicles). With the service brake the same fleets do not collide, stay out of the closed area and merge at
+# the same places.
 CAR_DECEL_MPS2, TRUCK_DECEL_MPS2 = 4.5, 4.0
-# How drivers keep to one lane where lanes part. With SUMO's defaults they overtake half over the line and stay there as long as
-# it is faster, whatever lies ahead. With these nobody prefers such a place, and who was left in one goes back at ten times the
-# loss of speed that he would take by default. Elsewhere drivers keep the defaults, with which they were fitted.
-KEEPS_TO_A_LANE = {"lcLaneDiscipline": "1", "lcSublane": "10"}
-LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right (LC2013, SL2015), twice to the left
-N_DRIVERS = 60  # vTypes a class: each has its own place in the lane and its own habit of merging
+# SL2015 parameters of drivers on a road with a gore. With SUMO's defaults drivers overtake astride a line between two lanes and
+# stay there while it is faster, whatever lies ahead. With these they do not prefer to straddle a line, and return from it at
+# ten times the loss of speed that they would accept by default. Elsewhere drivers keep the defaults, as they were fitted.
+LANE_KEEPING = {"lcLaneDiscipline": "1", "lcSublane": "10"}
+LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right (LC2013, SL2015)
+DRIVERS_PER_CLASS = 60  # vTypes of cars, and of trucks, each with its place in the lane and merging distance; chosen by us
 
 
 def write_demand(
     edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, speed: float, seed: int, opposing: tuple[Edge, ...] = ()
 ) -> Path:
-    """Write zone.rou.xml: vehicle types, a route each way through all edges and every vehicle; returns its path.
+    """Write zone.rou.xml: vehicle types, a route in each direction and every vehicle; returns its path.
 
     `speed` [m/s] is the posted one; `opposing` are the edges of the other direction.
     """
     if spec.drivers == BY_THE_HCM:
         raise SpecError(f'drivers="{BY_THE_HCM.name}" is decided by the zone: write the demand of Scenario.zone_simulation()')
     rng = np.random.default_rng([seed, 1])
-    root, habits = ET.Element("routes"), KEEPS_TO_A_LANE if any(edge.gores for edge in edges) else {}
+    root, lane_keeping = ET.Element("routes"), LANE_KEEPING if any(edge.gores for edge in edges) else {}
     for kind, size in (("car", CAR), ("truck", TRUCK)):
-        for number in range(N_DRIVERS):
+        for number in range(DRIVERS_PER_CLASS):
             driver = _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, rng=rng)
-            ET.SubElement(root, "vType", driver | habits)
+            ET.SubElement(root, "vType", driver | lane_keeping)
     ET.SubElement(root, "route", id="through", edges=" ".join(edge.id for edge in edges))
     vehicles = _vehicles(edges, "through", flows=spec.flow_profile or ((0.0, spec.flow_vph),), spec=spec, rng=rng)
     if opposing and spec.opposing_flow_vph:
@@ -118,7 +117,7 @@ def _vehicles(
     shares = np.array((route == "through" and spec.lane_use) or (1 / n_lanes,) * n_lanes)
     for number, time in enumerate(_departures(flows, spec.duration_s, rng)):
         is_truck = bool(rng.random() < spec.truck_share)
-        lane, driver = int(rng.choice(n_lanes, p=shares)), int(rng.integers(N_DRIVERS))
+        lane, driver = int(rng.choice(n_lanes, p=shares)), int(rng.integers(DRIVERS_PER_CLASS))
         if is_truck and n_lanes > 2:
             lane = min(lane, n_lanes - 2)  # trucks keep out of the left lane of three or more, the usual US rule
         attributes = {
@@ -135,7 +134,10 @@ def _vehicles(
 
 
 def _departures(flows: tuple[tuple[float, float], ...], duration_s: float, rng: np.random.Generator) -> FloatArray:
-    """Times [s] of Poisson arrivals: where a unit Poisson process falls on the count of vehicles expected up to each time."""
+    """Times (n,) [s] of Poisson arrivals before `duration_s`.
+
+    A Poisson process of rate 1, mapped from the expected count of vehicles up to a time to that time.
+    """
     starts, vph = np.array(flows).T
     times = np.append(starts, max(duration_s, starts[-1] + 1.0))
     expected = np.concatenate([[0.0], np.cumsum(vph / 3600 * np.diff(times))])

@@ -1,21 +1,23 @@
-"""How many vehicles an hour SUMO can let onto a road, so that a demand beyond it is refused before anything runs."""
+"""How many vehicles an hour SUMO can insert on a road, so that a larger demand is refused before anything runs."""
 
 import numpy as np
 
 from wzsumo.errors import SpecError
+from wzsumo.frames import FloatArray
 from wzsumo.simulation.demand import CAR, TRUCK, DemandSpec
 from wzsumo.units import mph_from_mps
 
-MIN_GAP_M = 2.5  # SUMO's default; standing, between bumpers
-# Of the flow at the drivers' own headway: SUMO lets a vehicle in at its desired speed, behind one that may be slower. Measured
-# with demand without end over 180 s on three lanes at 60 mph: 0.71 (tau 1 s), 0.69 (10 % trucks), 0.75 (tau 1.6 s).
-DEPARTING_SHARE = 0.7
+MIN_GAP_M = 2.5  # between the bumpers of two vehicles that stand; SUMO's default
+# Share of the flow at the drivers' own headway that SUMO inserts: it inserts a vehicle at its desired speed, behind a slower
+# one too. Measured with unlimited demand over 180 s on three lanes at 60 mph: 0.71 (tau 1 s), 0.69 (10 % trucks), 0.75 (tau
+# 1.6 s).
+INSERTED_SHARE = 0.7
 
 
 def check_departures(spec: DemandSpec, *, n_lanes: int, n_opposing: int, speed: float) -> None:
     """Raise SpecError where more vehicles are due than can depart on the lanes of their direction at `speed` [m/s].
 
-    So too where `lane_use` is of another number of lanes.
+    Also where `lane_use` is for another number of lanes.
     """
     if spec.lane_use and len(spec.lane_use) != n_lanes:
         raise SpecError(
@@ -24,10 +26,10 @@ def check_departures(spec: DemandSpec, *, n_lanes: int, n_opposing: int, speed: 
         )
     flows = [flow for _, flow in spec.flow_profile] or [spec.flow_vph]
     key = "flow_profile" if spec.flow_profile else "flow_vph"
-    _check(max(flows), key, _shares(spec, n_lanes), spec=spec, speed=speed)
+    _check_flow(max(flows), key, _shares(spec, n_lanes), spec=spec, speed=speed)
     if n_opposing:
         even = _shares(spec.model_copy(update={"lane_use": ()}), n_opposing)
-        _check(spec.opposing_flow_vph, "opposing_flow_vph", even, spec=spec, speed=speed)
+        _check_flow(spec.opposing_flow_vph, "opposing_flow_vph", even, spec=spec, speed=speed)
 
 
 def lane_departure_vph(spec: DemandSpec, *, speed: float) -> float:
@@ -35,10 +37,10 @@ def lane_departure_vph(spec: DemandSpec, *, speed: float) -> float:
     drivers, p = spec.drivers, spec.truck_share
     car = drivers.tau_s + (CAR["length_m"] + MIN_GAP_M) / speed
     truck = drivers.truck_tau_s + (TRUCK["length_m"] + MIN_GAP_M) / speed
-    return DEPARTING_SHARE * 3600 / ((1 - p) * car + p * truck)
+    return INSERTED_SHARE * 3600 / ((1 - p) * car + p * truck)
 
 
-def _check(flow: float, key: str, shares: np.ndarray, *, spec: DemandSpec, speed: float) -> None:
+def _check_flow(flow: float, key: str, shares: FloatArray, *, spec: DemandSpec, speed: float) -> None:
     lane, fits, drivers = int(np.argmax(shares)), lane_departure_vph(spec, speed=speed), spec.drivers
     if flow * shares[lane] > fits:
         raise SpecError(
@@ -48,8 +50,8 @@ def _check(flow: float, key: str, shares: np.ndarray, *, spec: DemandSpec, speed
         )
 
 
-def _shares(spec: DemandSpec, n_lanes: int) -> np.ndarray:
-    """Share of vehicles by lane from the right, after trucks have been kept out of the left lane of three or more."""
+def _shares(spec: DemandSpec, n_lanes: int) -> FloatArray:
+    """Shares (n_lanes,) of vehicles by lane from the right; trucks keep out of the left lane of three or more."""
     shares = np.array(spec.lane_use or (1 / n_lanes,) * n_lanes)
     if n_lanes > 2:
         moved = spec.truck_share * shares[-1]

@@ -1,8 +1,8 @@
-"""WorkZoneLayout -> stretches of road that a SUMO edge can be.
+"""WorkZoneLayout -> the stretches of road that become SUMO's edges.
 
-SUMO has no tapered lane: a lane keeps one width along an edge. The road is therefore cut into edges so short that no lane
-changes its width by more than MAX_WIDTH_STEP_M on any of them. Where both directions take turns on one lane, their edges lie on
-top of each other.
+A lane keeps one width along an edge of SUMO's, and in a taper it does not. The road is therefore cut into edges so short that
+no lane changes its width by more than MAX_WIDTH_STEP_M on any of them. Where both directions take turns on one lane, the edges
+of the two directions lie on top of each other.
 """
 
 from dataclasses import dataclass
@@ -14,21 +14,22 @@ from wzsumo.frames import FloatArray
 from wzsumo.units import METRES_PER_FOOT
 from wzsumo.work_zone import OpenLane, WorkZoneLayout
 
-# What a vehicle jumps sideways where it changes lane on such an edge; SUMO moves up to 0.1 m a step anyway. Half of it costs a
-# sixth more time in the paper's zone and brings hardly fewer jumps: of 56,000 steps 54 instead of 65 are above 0.2 m (seed 22).
+# A vehicle that changes lanes where two edges meet jumps sideways by at most this; SUMO moves it up to 0.1 m a step anyway.
+# Half of it makes a run of the paper's zone a sixth longer, with hardly fewer jumps: of 56,000 steps 54 instead of 65 are above
+# 0.2 m (seed 22).
 MAX_WIDTH_STEP_M = 0.2
-MERGE_END_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is as narrow as this: a car just fits
-# The rest of a closing lane past that ends where half a truck still fits in. Who is half over the line goes on there and comes
-# in; who finds no room beside him is stopped by SUMO at its end, where nobody with his middle in the open lane reaches devices.
-REST_END_WIDTH_M = 1.25
-SAME_STATION_M = 0.01
+PASSABLE_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is narrower: a car just fits; chosen by us
+# The remnant of a closing lane goes on until it is down to this: half the width of the truck of `demand`. SUMO stops a vehicle
+# that has found no gap at the remnant's end. There, a vehicle with its middle in the open lane does not reach the devices.
+REMNANT_END_WIDTH_M = 1.25
+SAME_PLACE_M = 0.01  # two places closer to each other than this are one
 
 
 @dataclass(frozen=True, kw_only=True)
 class Edge:
-    """One SUMO edge: stations in metres (start < end), and its lanes in SUMO's order, from the right of who drives on it.
+    """One SUMO edge: stations in metres (start < end), and its lanes in SUMO's order, from the right as they are driven.
 
-    Some of `lanes` may be rests of closing lanes past their ends, and some gores; `through` are the others.
+    Some of `lanes` may be remnants of closing lanes, and some gores (see `network`); `through_lanes` are the others.
     """
 
     id: str
@@ -39,10 +40,10 @@ class Edge:
     opposing: bool = False  # driven from `end` to `start`
 
     @property
-    def through(self) -> tuple[OpenLane, ...]:
-        """The lanes that one can drive on, in SUMO's order."""
-        open_lanes = (lane for lane in self.lanes if lane not in self.gores)
-        return tuple(lane for lane in open_lanes if self.opposing or passable_end(lane) > self.start + SAME_STATION_M)
+    def through_lanes(self) -> tuple[OpenLane, ...]:
+        """The lanes that traffic drives on, in SUMO's order."""
+        lanes = (lane for lane in self.lanes if lane not in self.gores)
+        return tuple(lane for lane in lanes if self.opposing or passable_end(lane) > self.start + SAME_PLACE_M)
 
 
 def edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
@@ -50,7 +51,7 @@ def edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
     edges = []
     for number, (start, end) in enumerate(pairwise(_cuts(layout))):
         middle = (start + end) / 2
-        lanes = [q for q in layout.lanes if not q.opposing and q.start <= middle < rest_end(q)]
+        lanes = [q for q in layout.lanes if not q.opposing and q.start <= middle < remnant_end(q)]
         lanes.sort(key=lambda q: float(q.right(middle)))
         gores = _gores(lanes, start, end)
         name = next((area.name for area in layout.areas if area.start <= middle < area.end), "")
@@ -75,13 +76,13 @@ def opposing_edges_of(layout: WorkZoneLayout) -> tuple[Edge, ...]:
 
 
 def passable_end(lane: OpenLane) -> float:
-    """Station [m] where a closing lane is down to MERGE_END_WIDTH_M; the lane's own end where it does not close."""
-    return _narrowed_to(MERGE_END_WIDTH_M, lane)
+    """Station [m] where a closing lane is down to PASSABLE_WIDTH_M; the end of a lane that does not close."""
+    return _station_of_width(PASSABLE_WIDTH_M, lane)
 
 
-def rest_end(lane: OpenLane) -> float:
-    """Station [m] where the rest of a closing lane is down to REST_END_WIDTH_M; the lane's own end where it does not close."""
-    return _narrowed_to(REST_END_WIDTH_M, lane)
+def remnant_end(lane: OpenLane) -> float:
+    """Station [m] where a closing lane's remnant is down to REMNANT_END_WIDTH_M; the end of a lane that does not close."""
+    return _station_of_width(REMNANT_END_WIDTH_M, lane)
 
 
 def width_at(lane: OpenLane, s: float) -> float:
@@ -90,11 +91,12 @@ def width_at(lane: OpenLane, s: float) -> float:
 
 
 def gap_between(right: OpenLane, left: OpenLane, *, at: tuple[float, ...]) -> float:
-    """The greatest width [m] of what lies between two lanes at any of some stations, square to the road."""
+    """The greatest distance [m] between two lanes at any of the stations `at`, square to the road."""
     return max(float(left.right(s) - right.left(s)) for s in at)
 
 
-def _narrowed_to(width: float, lane: OpenLane) -> float:
+def _station_of_width(width: float, lane: OpenLane) -> float:
+    """Station [m] where a lane has narrowed to `width` [m]; its end where it stays wider."""
     if width_at(lane, lane.end) >= width:
         return lane.end
     s = np.unique(np.concatenate([lane.left.stations, lane.right.stations, [lane.end]]))
@@ -104,18 +106,19 @@ def _narrowed_to(width: float, lane: OpenLane) -> float:
 
 
 def _gores(lanes: list[OpenLane], start: float, end: float) -> tuple[OpenLane, ...]:
+    """The closed ground between neighbours of `lanes` from `start` to `end` [m], each piece as a lane."""
     return tuple(
         OpenLane(index=right.index, start=start, end=end, right=right.left, left=left.right)
         for right, left in pairwise(lanes)
-        if gap_between(right, left, at=(start, end)) > SAME_STATION_M
+        if gap_between(right, left, at=(start, end)) > SAME_PLACE_M
     )
 
 
 def _cuts(layout: WorkZoneLayout) -> FloatArray:
-    """Stations where a lane begins, ends, bends or has changed its width by a step."""
+    """Stations (n,) [m] where a lane begins, ends, turns or has changed its width by MAX_WIDTH_STEP_M."""
     breaks = {0.0, layout.road.length}
     for lane in layout.lanes:
-        ends = [lane.start, passable_end(lane), rest_end(lane), lane.end]
+        ends = [lane.start, passable_end(lane), remnant_end(lane), lane.end]
         s = np.unique(np.concatenate([lane.right.stations, lane.left.stations, ends]))
         s = s[(s >= lane.start) & (s <= lane.end) & (s > 0) & (s < layout.road.length)]
         breaks.update(s.tolist())
@@ -124,8 +127,8 @@ def _cuts(layout: WorkZoneLayout) -> FloatArray:
     pieces = []
     for start, end in pairwise(stations):
         middle = (start + end) / 2
-        on_it = [lane for lane in layout.lanes if not lane.opposing and lane.start <= middle < passable_end(lane)]
-        change = max(abs(width_at(lane, end) - width_at(lane, start)) for lane in on_it)
+        lanes_here = [lane for lane in layout.lanes if not lane.opposing and lane.start <= middle < passable_end(lane)]
+        change = max(abs(width_at(lane, end) - width_at(lane, start)) for lane in lanes_here)
         n = max(1, int(np.ceil(change / MAX_WIDTH_STEP_M - 1e-6)))
         pieces.append(start + np.arange(n) / n * (end - start))
     return np.concatenate([*pieces, stations[-1:]])

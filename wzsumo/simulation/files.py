@@ -1,4 +1,4 @@
-"""The SUMO folder of a scenario: network, demand, what to draw, and a configuration that sumo-gui opens."""
+"""A scenario's folder of SUMO files: network, demand, shapes to draw, and the configuration that sumo-gui opens."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,14 +18,16 @@ from wzsumo.spec import Spec
 from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
 
-DRAWN_TO_M = 0.01  # of a device's outline
+OUTLINE_TOLERANCE_M = 0.01  # of a device's outline as it is drawn
 _AREA_COLOURS = {"closed_area": "230,159,0,120", "drivable": "0,158,115,60"}  # Okabe-Ito orange, green
 
 
 class SimulationSpec(Spec):
-    """How SUMO runs."""
+    """How SUMO runs: its step, its lateral resolution and the demand."""
 
-    step_length_s: float = Field(0.1, gt=0, le=1)  # one action of every driver; FCD at the same 10 Hz
+    step_length_s: float = Field(
+        0.1, gt=0, le=1
+    )  # drivers act, and positions are logged, at these 10 Hz; drivers are fitted at it
     lateral_resolution_m: float = Field(0.45, ge=0.1, le=2)  # SUMO's sublanes: an eighth of a 12 ft lane
     demand: DemandSpec = DemandSpec()
 
@@ -44,7 +46,7 @@ class SimulationSpec(Spec):
 
 @dataclass(frozen=True, kw_only=True)
 class SumoFiles:
-    """A folder of SUMO files: everything starts from `config`."""
+    """A folder of SUMO files; `config` names the others."""
 
     config: Path
     edges: tuple[Edge, ...]
@@ -67,8 +69,8 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
         "time": {"begin": "0", "end": f"{spec.demand.duration_s:g}", "step-length": f"{spec.step_length_s:g}"},
         "processing": {
             "lateral-resolution": f"{spec.lateral_resolution_m:g}",
-            "time-to-teleport": "-1",  # a vehicle that cannot go on waits: a teleport would be a trace through the devices
-            "collision.action": "none",  # SUMO's records are not contact (minGap counts): overlap is computed by us
+            "time-to-teleport": "-1",  # no teleports: the trace of one would lead through the devices
+            "collision.action": "none",  # SUMO's collisions count minGap: contact is computed from outlines
             "collision.check-junctions": "false",
         },
         "random_number": {"seed": str(seed)},
@@ -84,7 +86,7 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
 
 
 def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
-    """zone.add.xml: polygons and points that sumo-gui draws; SUMO's vehicles do not see them."""
+    """Write zone.add.xml, polygons and points that sumo-gui draws and SUMO's vehicles do not see; returns its path."""
     root = ET.Element("additional")
     for name, colour in _AREA_COLOURS.items():
         area: BaseGeometry = getattr(layout, name)
@@ -92,7 +94,7 @@ def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
             shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in part.exterior.coords)
             ET.SubElement(root, "poly", id=f"{name}_{number}", color=colour, fill="1", layer="-1", shape=shape, type=name)
     for number, (kind, outline) in enumerate(zip(layout.devices["kind"], layout.device_outlines, strict=True)):
-        shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in outline.simplify(DRAWN_TO_M).exterior.coords)
+        shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in outline.simplify(OUTLINE_TOLERANCE_M).exterior.coords)
         ET.SubElement(
             root, "poly", id=f"device_{number:03d}", color="213,94,0", fill="1", layer="5", shape=shape, type=str(kind)
         )  # fmt: skip
@@ -106,7 +108,7 @@ def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
 
 
 def _without_holes(area: BaseGeometry) -> list[shapely.Polygon]:
-    """The same ground as polygons without holes, which SUMO's have not: cut across each."""
+    """The same ground as polygons without holes, which SUMO cannot draw: each is cut in two through its first hole."""
     parts = []
     for polygon in getattr(area, "geoms", [area]):
         if polygon.interiors:

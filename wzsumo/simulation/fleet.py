@@ -1,4 +1,4 @@
-"""Traces of the whole fleet: one simulation of everyone, logged by SUMO's own parquet FCD output."""
+"""Traces of the whole fleet: a simulation by SUMO's binary from start to end, logged by its own FCD output (Parquet)."""
 
 import subprocess
 import tempfile
@@ -16,6 +16,7 @@ from wzsumo.simulation.demand import CAR, TRUCK
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.trips import TRIP_OPTIONS, trips_file
 
+_STEP_LOG_PREFIX = "Step #"  # SUMO prints it before the simulated time
 _FCD_COLUMNS = {
     "timestep_time": "time_s",
     "vehicle_id": "vehicle_id",
@@ -30,8 +31,8 @@ _FCD_COLUMNS = {
 def simulate_fleet(files: SumoFiles, *, on_second: Callable[[float], None]) -> pd.DataFrame:
     """Trace table (see `tables`) of every vehicle at every step, with length_m and width_m.
 
-    `on_second` is called with the simulated time [s] once a simulated second. SUMO's own record of every trip lies then
-    in `trips_file(files)`.
+    `on_second` is called with the simulated time [s] about once a simulated second. SUMO's own record of every trip is then in
+    `trips_file(files)`.
     """
     with tempfile.TemporaryDirectory(dir=files.config.parent) as folder:
         fcd = Path(folder) / "fcd.parquet"
@@ -42,9 +43,28 @@ def simulate_fleet(files: SumoFiles, *, on_second: Callable[[float], None]) -> p
         return _traces_of_fcd(fcd)
 
 
+def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callable[[float], None]) -> None:
+    """Run the simulation of `files` to its end, with further options of SUMO's such as its outputs.
+
+    `on_second` is called with the simulated time [s] about once a simulated second. Raises SimulationError where SUMO fails.
+    """
+    steps_a_second = max(1, round(1 / files.step_length))
+    log = ("--no-step-log", "false", "--step-log.period", str(steps_a_second), "--no-warnings")
+    command = [str(sumo_binary("sumo")), "--configuration-file", str(files.config), *options, *log]
+    with tempfile.TemporaryFile("w+") as errors:
+        # Text mode takes the carriage return that ends each of SUMO's progress lines for the end of a line.
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
+            for line in process.stdout or ():
+                if line.startswith(_STEP_LOG_PREFIX):
+                    on_second(float(line.removeprefix(_STEP_LOG_PREFIX).split()[0]))
+        if process.returncode != 0:
+            errors.seek(0)
+            raise SimulationError(f"SUMO ended with {process.returncode}: {' '.join(errors.read().split())[-300:]}")
+
+
 def _traces_of_fcd(path: Path) -> pd.DataFrame:
     table = pq.read_table(path, columns=list(_FCD_COLUMNS)).to_pandas().rename(columns=_FCD_COLUMNS)
-    table = table[table["vehicle_id"].notna()]  # an empty time step is a row of nulls
+    table = table[table["vehicle_id"].notna()]  # a time step without vehicles is a row of nulls
     if table.empty:
         raise SimulationError(f"{path}: the simulation logged no vehicle")
     truck = table["type"].str.startswith("truck").to_numpy()
@@ -64,25 +84,3 @@ def _traces_of_fcd(path: Path) -> pd.DataFrame:
         }
     )
     return traces.sort_values(["vehicle_id", "time_s"], kind="stable", ignore_index=True)
-
-
-_STEP = "Step #"  # what SUMO prints before the simulated time
-
-
-def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callable[[float], None]) -> None:
-    """Run the simulation of `files` with more options of SUMO's, such as its outputs.
-
-    `on_second` is called with the simulated time [s] about once a simulated second. Raises SimulationError where SUMO fails.
-    """
-    steps_a_second = max(1, round(1 / files.step_length))
-    log = ("--no-step-log", "false", "--step-log.period", str(steps_a_second), "--no-warnings")
-    command = [str(sumo_binary("sumo")), "--configuration-file", str(files.config), *options, *log]
-    with tempfile.TemporaryFile("w+") as errors:
-        # Text mode takes the carriage return that ends each of SUMO's progress lines for the end of a line.
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
-            for line in process.stdout or ():
-                if line.startswith(_STEP):
-                    on_second(float(line.removeprefix(_STEP).split()[0]))
-        if process.returncode != 0:
-            errors.seek(0)
-            raise SimulationError(f"SUMO ended with {process.returncode}: {' '.join(errors.read().split())[-300:]}")

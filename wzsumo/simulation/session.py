@@ -1,7 +1,7 @@
 """One running SUMO simulation.
 
-libsumo allows one simulation a process. Points leave this module as vehicle CENTRES and headings; the ego is placed by the
-middle of its FRONT edge in each lane.
+libsumo allows one simulation a process. Points leave this module as vehicle CENTRES and headings. The ego enters it as bodies,
+each placed by the middle of its FRONT edge.
 """
 
 from collections.abc import Collection, Iterator
@@ -21,23 +21,24 @@ from wzsumo.vehicle import VehicleGeometry
 
 EGO_ID = "ego"
 EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for cars
-# Drivers keep it beside the ego, which is that much wider in SUMO: they keep none to a vehicle that moveToXY placed.
+# By how much the ego's bodies are wider than the ego on either side: SUMO's drivers keep no lateral gap to a vehicle that
+# moveToXY placed. Chosen by us.
 SIDE_CLEARANCE_M = 0.3
-# keepRoute of moveToXY (SUMO docs, TraCI): exactly where it is told (2), counted to a lane of its route (1). Without the 1 SUMO
-# wants a lane that runs past the point. On the outer side of a kink between two edges none does: the body is then counted to no
-# lane or to a wrong one, and SUMO 1.28 has crashed in the step after.
+# keepRoute of moveToXY (SUMO docs, TraCI): 2 puts the body exactly at the given place, 1 counts it to a lane of its route.
+# Without the 1 SUMO looks for a lane that runs past the point. On the outer side of a kink between two edges there is none:
+# SUMO then counts the body to no lane or to a wrong one, and SUMO 1.28 has crashed in the next step.
 _PLACEMENT = 2 | 1
-_MATCH_RADIUS_M = 100.0  # how far off a lane a body may be put
-_SPARE_WIDTH_M = 0.1  # of a body that nobody needs
+_MATCH_RADIUS_M = 100.0  # how far from a lane a body may be put; SUMO's default
+_SPARE_WIDTH_M = 0.1  # of a body that stands for no part of the ego
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
-    """What drivers in one lane are shown of the ego: a body that lies within that lane."""
+class LaneBody:
+    """A body that stands for the ego in one lane and lies within that lane."""
 
     lane: int  # of the road, 0 = rightmost
     edge: str  # SUMO's, on which the body's front lies
-    index: int  # of the lane on that edge
+    lane_on_edge: int  # the lane's index on that edge
     front: FloatArray  # (3,) pose of the middle of its front edge
     width: float  # m
 
@@ -48,10 +49,10 @@ class Session:
     def __init__(self, api: Any) -> None:
         self._sumo = api
         self._sizes: dict[str, tuple[float, float]] = {}
-        self._bodies: dict[int, str] = {}  # by the lane in which each shows the ego
-        self._spare = [EGO_ID]  # bodies that nobody needs
+        self._bodies: dict[int, str] = {}  # SUMO's vehicle that is the ego's body, by the lane of the road
+        self._spare = [EGO_ID]  # bodies that stand for no part of the ego at present
         self._widths: dict[str, float] = {}  # m, of each body where it was put last
-        self._brake_hard: set[str] = set()
+        self._emergency_braking: set[str] = set()
         self._gridlock = Gridlock(api)
 
     @property
@@ -64,11 +65,11 @@ class Session:
         self._sumo.simulationStep()
 
     def resolve_gridlock(self, traffic: Traffic) -> None:
-        """Let go on who has been shut in for long where lanes merge."""
+        """Let go a vehicle that has been shut in for long where lanes merge (see `gridlock`)."""
         self._gridlock.resolve(traffic.ids, traffic.poses, traffic.lengths, traffic.speeds)
 
     def traffic(self) -> Traffic:
-        """The vehicles on the road now, without the ego and what stands in for it."""
+        """The vehicles on the road now, without the ego's bodies."""
         vehicle = self._sumo.vehicle
         ids = tuple(v for v in vehicle.getIDList() if not v.startswith(EGO_ID))
         for id_ in ids:
@@ -93,12 +94,12 @@ class Session:
         api.setMaxSpeed(name, own if speed is None else speed)
 
     def may_enter_shared_lane(self) -> bool:
-        """Whether it is the turn of those who drive along the stations, or no lane is shared."""
+        """Whether the signal of a shared lane is green for traffic along the stations; true where no lane is shared."""
         lights = self._sumo.trafficlight
         return SIGNAL_ID not in lights.getIDList() or lights.getRedYellowGreenState(SIGNAL_ID)[OWN_LINK] in "gG"
 
     def request_ego(self, vehicle: VehicleGeometry, *, edge: str, lane: int, position: float, speed: float) -> None:
-        """Ask SUMO to insert the ego, front bumper at `position` [m] of a lane, as soon as a driver could."""
+        """Ask SUMO to insert the ego, front bumper at `position` [m] of a lane, as soon as traffic leaves a gap for it."""
         api = self._sumo
         api.vehicletype.copy("DEFAULT_VEHTYPE", EGO_ID)
         api.vehicletype.setLength(EGO_ID, vehicle.length_m)
@@ -116,7 +117,7 @@ class Session:
         )
 
     def has_ego(self) -> bool:
-        """Whether the ego drives."""
+        """Whether the ego is on the road."""
         return EGO_ID in self._sumo.vehicle.getIDList()
 
     def take_over_ego(self) -> None:
@@ -125,51 +126,55 @@ class Session:
         if self._sumo.hasGUI():
             follow_in_window(self._sumo, EGO_ID)
 
-    def let_brake_hard(self, names: Collection[str]) -> None:
-        """From now on these vehicles brake as hard as tyres allow where they must, and all others as hard as their type does.
+    def allow_emergency_braking(self, names: Collection[str]) -> None:
+        """From now on these vehicles may brake as hard as tyres allow, and all others only as hard as their type does.
 
-        Among themselves drivers never need more than their service brake, and with more they stop dead where lanes merge and
-        shut each other in. What the ego does, which is none of them, may ask for more.
+        Among themselves SUMO's drivers never need more than the service brake, and with more they stop dead where lanes merge
+        and shut each other in. The ego is no driver of SUMO's and may make others brake harder.
         """
         api = self._sumo.vehicle
-        for name in set(names) - self._brake_hard:
+        for name in set(names) - self._emergency_braking:
             api.setEmergencyDecel(name, EMERGENCY_DECEL_MPS2)
-        for name in (self._brake_hard - set(names)) & set(api.getIDList()):
+        for name in (self._emergency_braking - set(names)) & set(api.getIDList()):
             own = self._sumo.vehicletype.getEmergencyDecel(_own_type(api.getTypeID(name)))
             api.setEmergencyDecel(name, own)
-        self._brake_hard = set(names)
+        self._emergency_braking = set(names)
 
-    def place_ego(self, parts: tuple[Part, ...], *, speed: float) -> None:
-        """Show drivers these parts of the ego at the end of the coming step; its front is nearest to the first one's lane.
+    def place_ego(self, bodies: tuple[LaneBody, ...], *, speed: float) -> None:
+        """Put these bodies where they are to be at the end of the coming step.
 
-        SUMO counts a vehicle that moveToXY placed to one lane: drivers in the next pass through whatever reaches into theirs.
-        So each lane has a body of its own: the vehicle that SUMO let in, and more of its kind. None reaches into a second lane:
-        of a vehicle that does SUMO 1.28 keeps the lanes beside it, and has crashed over an old list of them when the vehicle
-        had lost its place on the road at a node (MSVehicle::getBackPositionOnLane).
+        The first is in the lane nearest to the ego's front.
 
-        A body stays in its lane as long as the ego is shown there, and in the simulation when it is not: drivers keep whom they
-        saw beside them until they act again, and SUMO 1.28 has crashed over bodies that had been removed, or taken off the
-        road, under their eyes. It rides inside the first part then.
+        SUMO counts a vehicle that moveToXY placed to one lane, and drivers in the next lane pass through whatever reaches into
+        theirs. So each lane has a body of its own: the vehicle that SUMO inserted, and more of its kind. No body reaches into a
+        second lane. Of a vehicle that does, SUMO 1.28 keeps a list of the lanes beside it, and it has crashed over an old list
+        when the vehicle had lost its place on the road at a node (MSVehicle::getBackPositionOnLane).
+
+        A body stays in its lane while the ego reaches into that lane. After that it stays in the simulation, inside the first
+        body: drivers remember the vehicles beside them until they act again, and SUMO 1.28 has crashed over remembered bodies
+        that had been removed or taken off the road.
         """
-        for lane in sorted(self._bodies.keys() - {part.lane for part in parts}):
+        for lane in sorted(self._bodies.keys() - {body.lane for body in bodies}):
             self._spare.append(self._bodies.pop(lane))
-        for part in parts:
-            if part.lane not in self._bodies:
-                self._bodies[part.lane] = self._spare.pop() if self._spare else self._add_body()
-            self._place(self._bodies[part.lane], part, width=part.width, speed=speed)
+        for body in bodies:
+            if body.lane not in self._bodies:
+                self._bodies[body.lane] = self._spare.pop() if self._spare else self._add_body()
+            self._place(self._bodies[body.lane], body, width=body.width, speed=speed)
         for name in self._spare:
-            self._place(name, parts[0], width=_SPARE_WIDTH_M, speed=speed)
+            self._place(name, bodies[0], width=_SPARE_WIDTH_M, speed=speed)
 
-    def _place(self, name: str, part: Part, *, width: float, speed: float) -> None:
-        x, y, heading = part.front
+    def _place(self, name: str, body: LaneBody, *, width: float, speed: float) -> None:
+        x, y, heading = body.front
         angle = float(sumo_angle_from_heading(heading))
         api = self._sumo.vehicle
-        # A new width holds at once, the new place after the step: until then the body must fit into the old one too.
+        # A new width holds at once, a new place only after the step: until then the body must fit into the old place too.
         api.setWidth(name, min(width, self._widths.get(name, width)))
         self._widths[name] = width
-        # The lane is told because the nearest centre line may be another's, as beside a narrow one.
-        api.moveToXY(name, part.edge, part.index, x, y, angle=angle, keepRoute=_PLACEMENT, matchThreshold=_MATCH_RADIUS_M)
-        # Without it SUMO infers a speed from the move, with spikes of 1 m/s.
+        # SUMO is told the lane because the nearest middle line may be that of a narrow lane beside.
+        api.moveToXY(
+            name, body.edge, body.lane_on_edge, x, y, angle=angle, keepRoute=_PLACEMENT, matchThreshold=_MATCH_RADIUS_M
+        )
+        # Without this SUMO infers the speed from the move, with spikes of 1 m/s.
         api.setSpeed(name, speed)
 
     def _add_body(self) -> str:
@@ -184,15 +189,15 @@ class Session:
 
 
 def _own_type(type_id: str) -> str:
-    """The type that a vehicle came with: SUMO makes a copy, type@vehicle, of which single values are set."""
+    """The type that a vehicle was inserted with: SUMO gives a vehicle with a value of its own a copy, type@vehicle."""
     return type_id.split("@", maxsplit=1)[0]
 
 
 @contextmanager
 def running(config: Path, *, options: tuple[str, ...] = (), in_window: bool = False) -> Iterator[Session]:
-    """A simulation of a SUMO configuration, closed at the end of the block; where asked for, to be watched in sumo-gui.
+    """A simulation of a SUMO configuration, closed at the end of the block; with `in_window` it is shown in sumo-gui.
 
-    Raises SumoMissingError, and DisplayError where there is no window to be had or it is closed before the end.
+    Raises SumoMissingError, and DisplayError where no window can be opened or it is closed before the end.
     """
     arguments = ["--configuration-file", str(config), *options]
     with connected_window(arguments) if in_window else connected_library(arguments) as api:

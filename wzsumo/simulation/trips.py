@@ -1,4 +1,4 @@
-"""What SUMO itself records of every vehicle: waiting to enter, time lost, emissions (its tripinfo output)."""
+"""SUMO's own record of every vehicle: wait for departure, time loss, emissions (its tripinfo output)."""
 
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -8,7 +8,7 @@ import pandas as pd
 
 from wzsumo.simulation.files import SumoFiles
 
-# Emissions by SUMO's default classes (HBEFA 4: petrol car Euro 4, average heavy vehicle), which nobody chose for this road.
+# Emissions are those of SUMO's default classes (HBEFA 4: petrol car Euro 4, average heavy vehicle), not of this road's fleet.
 TRIP_OPTIONS = (
     "--tripinfo-output.write-unfinished",
     "--tripinfo-output.write-undeparted",
@@ -17,11 +17,11 @@ TRIP_OPTIONS = (
 )
 TRIP_COLUMNS = (
     "vehicle_id",
-    "departure_delay_s",  # wait for a gap to enter the road; up to the simulation's end for those who still wait
+    "departure_delay_s",  # wait for a gap to enter the road; until the simulation's end for vehicles that still wait
     "entered",  # bool
     "arrived",  # bool, at the road's end
     "travel_time_s",  # on the road, NaN unless arrived
-    "time_loss_s",  # of it, against the driver's own free speed; NaN unless arrived
+    "time_loss_s",  # of the travel time, against the driver's own free speed; NaN unless arrived
     "distance_m",  # driven so far
     "co2_g",
     "nox_g",
@@ -30,14 +30,14 @@ TRIP_COLUMNS = (
 
 
 def trips_file(files: SumoFiles) -> Path:
-    """Where `simulate_fleet` lets SUMO write its tripinfo."""
+    """The file to which `simulate_fleet` lets SUMO write its tripinfo."""
     return files.config.parent / "zone.tripinfo.xml"
 
 
 def read_trips(path: Path) -> pd.DataFrame:
     """`TRIP_COLUMNS`, one row a vehicle that was due to depart, sorted by id."""
     rows = []
-    for _, trip in ET.iterparse(path):  # noqa: S314 SUMO's own file
+    for _, trip in ET.iterparse(path):  # noqa: S314 a file that SUMO has just written
         if trip.tag != "tripinfo":
             continue
         entered, arrived = float(trip.get("depart", -1)) >= 0, float(trip.get("arrival", -1)) >= 0

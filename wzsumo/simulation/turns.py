@@ -6,18 +6,18 @@ from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
 
 SIGNAL_ID = "taking_turns"
-OWN_LINK = 0  # of the signal, for those who drive along the stations
-GREEN_S = 30.0  # fixed-time signal; an assumption, of the order of what one-lane sections of a few hundred metres are given
-FLAGGER_GREEN_S = (10.0, 60.0)  # a flagger holds the way open while vehicles keep coming, within these; an assumption
+OWN_LINK = 0  # the signal's link of traffic along the stations
+GREEN_S = 30.0  # of a fixed-time signal; chosen by us, of the order used at one-lane sections of a few hundred metres
+FLAGGER_GREEN_S = (10.0, 60.0)  # shortest and longest: a flagger keeps the lane open while vehicles keep coming; chosen by us
 YELLOW_S = 4.0  # MUTCD 11th ed., Section 4F.17: 3 to 6 s
 START_UP_MPS2 = 1.0  # of the slowest vehicle, the loaded truck of `demand`
-CLEARING_SPEED_MPS = 10.0  # at which red intervals are timed: slow drivers beside workers, and the ego of the paper
+CLEARING_SPEED_MPS = 10.0  # for which red intervals are timed: slow drivers beside workers, and the ego of the paper
 
 
 def turns_program(layout: WorkZoneLayout, links: list[ET.Element]) -> ET.Element:
-    """The signal's program in SUMO's XML: the first link has green, then nobody until the way is clear, then the second.
+    """The signal's program in SUMO's XML: each link in turn has green and yellow, then all have red until the lane is clear.
 
-    `links` are the connections onto the shared lane, that of the own direction first.
+    `links` are the connections onto the shared lane, that of traffic along the stations first.
     """
     turns = layout.taking_turns
     if turns is None:
@@ -43,7 +43,7 @@ def turns_program(layout: WorkZoneLayout, links: list[ET.Element]) -> ET.Element
 def clearance_s(length: float, *, speed: float) -> float:
     """Time [s] in which a vehicle that starts at one stop line has passed the other, `length` [m] further on.
 
-    It accelerates at START_UP_MPS2 to `speed` [m/s]. Nobody may enter from the other side before that: MUTCD 11th ed.,
+    It accelerates at START_UP_MPS2 to `speed` [m/s]. No vehicle may enter from the other side before that: MUTCD 11th ed.,
     typical application 12, wants red intervals that clear the one-lane section.
 
     >>> clearance_s(100.0, speed=100.0)  # all of it under acceleration: sqrt(2 x 100 / 1)
