@@ -1,9 +1,11 @@
 """Inputs that many tests share, in one line each."""
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 import shapely
 
+from wzsumo.frames import FloatArray
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.road import Bend, Road, RoadSpec
 from wzsumo.work_zone import WorkZone, WorkZoneLayout
@@ -65,3 +67,10 @@ def vehicle_outlines(traces):
     centre = traces[["x_m", "y_m"]].to_numpy()
     corners = [centre - along - across, centre + along - across, centre + along + across, centre - along + across]
     return shapely.polygons(np.stack(corners, axis=1))
+
+
+def to_world(pose: npt.ArrayLike, points: npt.ArrayLike) -> FloatArray:
+    """World points (n, 2) of points (n, 2) given in the frame of one pose (x, y, heading)."""
+    x, y, heading = np.asarray(pose, dtype=float)
+    cos, sin = np.cos(heading), np.sin(heading)
+    return np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]]) + (x, y)

@@ -20,12 +20,12 @@ FREEWAY_FFS_MPH = (55.0, 75.0)  # free-flow speeds of the manual's basic freeway
 
 
 class SiteSpec(Spec):
-    """Where and when the zone is, as far as the capacity model asks."""
+    """What the capacity model asks about the zone's site: area, light, barrier, speeds, ramps."""
 
     area: Literal["urban", "rural"] = "urban"
     light: Literal["day", "night"] = "day"
     barrier: Literal["soft", "hard"] | None = None  # soft: cones, drums; hard: concrete; None: as the zone's devices are
-    lateral_distance_ft: float = Field(0.0, ge=0, le=12)  # lane line to devices; ours stand on the line. HCM 7: 0 to 12 ft
+    lateral_distance_ft: float = Field(0.0, ge=0, le=12)  # lane line to devices, which stand on it here; HCM 7: 0 to 12 ft
     normal_speed_limit_mph: float | None = Field(None, gt=0)  # without the zone; None: as posted in the zone
     free_flow_speed_mph: float | None = Field(None, gt=0)  # without the zone; None: normal limit + 5 mph, HCM 7, Chapter 12
     total_ramp_density_per_mile: float = Field(0.0, ge=0, le=6)  # both sides, 3 miles up and down the road; 6: HCM 7, Ch. 12
@@ -33,7 +33,7 @@ class SiteSpec(Spec):
 
 @dataclass(frozen=True, kw_only=True)
 class ZoneCapacity:
-    """What the HCM makes of a zone. pc: passenger cars; per lane unless the name says all lanes."""
+    """Capacity and speed of a zone by the HCM. pc: passenger cars; per lane unless the name says all lanes."""
 
     total_lanes: int
     open_lanes: int
@@ -79,7 +79,7 @@ def zone_capacity(
 
 
 def zone_queue_discharge_pcphpl(*, total_lanes: int, open_lanes: int, site: SiteSpec) -> float:
-    """Flow [pc/h/lane] out of a queue at a zone on a freeway with `total_lanes` a direction. Raises SpecError as above."""
+    """Flow [pc/h/lane] out of a queue at a zone on a freeway with `total_lanes` a direction. Raises SpecError."""
     _refuse_other_roads(total_lanes, open_lanes)
     severity = lane_closure_severity_index(total_lanes=total_lanes, open_lanes=open_lanes)
     return queue_discharge_rate(severity=severity, site=site)

@@ -1,4 +1,4 @@
-"""Named errors. Whatever a user can mend is an `InputError`: one clear line, exit code 2."""
+"""Named errors. A fault that the user can mend is an `InputError`: one clear line, exit code 2."""
 
 
 class InputError(Exception):
@@ -6,11 +6,11 @@ class InputError(Exception):
 
 
 class SpecError(InputError):
-    """A scenario, study or parameter that cannot be."""
+    """A scenario, study or parameter that is impossible or not supported."""
 
 
 class TraceError(InputError):
-    """A trace table that is not one: a column missing, a value not finite, too few traces."""
+    """A trace table that cannot be used: a column missing, a value not finite, too few traces."""
 
 
 class MapError(InputError):
@@ -22,7 +22,7 @@ class CloudError(InputError):
 
 
 class NoGroundError(CloudError):
-    """A point cloud of which nothing can be told from an object: it holds no ground."""
+    """A point cloud in which no ground was found, from which objects would be told apart."""
 
 
 class OutputError(InputError):

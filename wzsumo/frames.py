@@ -1,7 +1,7 @@
 """Angles, poses and the points of a vehicle. The world frame is SUMO's net frame: metres, x east, y north.
 
-Headings are radians counter-clockwise from +x. A pose is (x, y, heading); arrays of poses are (n, 3). SUMO speaks of the
-centre of the FRONT BUMPER and of degrees clockwise from north: both are converted here and used in `simulation/` alone.
+Headings are radians counter-clockwise from +x. A pose is (x, y, heading); arrays of poses are (n, 3). SUMO gives the centre of
+the FRONT BUMPER and degrees clockwise from north: both are converted here, for `simulation/` alone.
 """
 
 import numpy as np
@@ -46,19 +46,6 @@ def advance(poses: npt.ArrayLike, distance: npt.ArrayLike) -> FloatArray:
     moved[..., 0] += distance * np.cos(heading)
     moved[..., 1] += distance * np.sin(heading)
     return moved
-
-
-def to_world(pose: npt.ArrayLike, points: npt.ArrayLike) -> FloatArray:
-    """World points (n, 2) of points (n, 2) given in the frame of one pose (x, y, heading)."""
-    x, y, heading = np.asarray(pose, dtype=float)
-    cos, sin = np.cos(heading), np.sin(heading)
-    return np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
-
-
-def headings_along(points: npt.ArrayLike) -> FloatArray:
-    """Headings (n,) [rad] of a polyline (n, 2), n >= 2: along the chord between neighbours, one-sided at the ends."""
-    step = np.gradient(np.asarray(points, dtype=float), axis=0)
-    return np.asarray(np.arctan2(step[:, 1], step[:, 0]))
 
 
 def arc_length(points: npt.ArrayLike) -> FloatArray:

@@ -1,7 +1,7 @@
-"""Road: a reference line with arc length, lanes and shoulders, and the way between (s, d) and (x, y).
+"""Road: a reference line with arc length, lanes and shoulders, and the conversion between (s, d) and (x, y).
 
-Stations s are measured along the reference line, which runs in the MIDDLE of all lanes, as alignments are surveyed: so a zone
-is as long on a bend as on a straight. Offsets d count from the RIGHT EDGE LINE, positive to the left; the right shoulder
+Stations s are measured along the reference line, which runs in the MIDDLE of all lanes, as alignments are surveyed: a zone is
+as long on a bend as on a straight. Offsets d count from the RIGHT EDGE LINE, positive to the left; the right shoulder
 has d < 0. Lane 0 is the rightmost, as in SUMO.
 """
 

@@ -25,7 +25,7 @@ class MitredLine(NamedTuple):
 
 
 def mitred_line(points: FloatArray, normals: FloatArray) -> MitredLine:
-    """The line through `points` (n, 2) [m], with the circles that spare the search most of them."""
+    """The line through `points` (n, 2) [m], with the circles that let the search skip most points."""
     steps = np.diff(points, axis=0)
     lengths = np.hypot(*steps.T)
     blocks = [points[first : first + BLOCK] for first in range(0, len(points), BLOCK)]
@@ -86,7 +86,7 @@ def _segment_that_holds(x: float, y: float, line: MitredLine, segment: int) -> t
             break
         moved_share = _share_along(x, y, line, moved)
         if (step > 0 and moved_share < 0) or (step < 0 and moved_share >= 1):
-            # In the outer wedge of a bend neither neighbour holds the point: the one it was found in keeps it.
+            # On the outer side of a bend neither of two neighbours may hold the point: the present one keeps it.
             return segment, min(max(share, 0.0), 1.0)
         segment, share = moved, moved_share
     return segment, share

@@ -1,4 +1,4 @@
-"""LidarScan: one turn of a spinning LiDAR as it comes from the sensor; MotionReadings: what the car that carries it says."""
+"""LidarScan, one turn of a spinning LiDAR; MotionReadings, the speed, IMU and GNSS of the car that carries it."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ import numpy.typing as npt
 from wzsumo.errors import CloudError
 from wzsumo.frames import FloatArray
 
-NO_RETURN, GROUND = -1, 0  # object ids; 1.. are the objects of the scene
+GROUND = 0  # object id of the ground; 1.. are the objects of the scene
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +41,7 @@ class LidarScan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionReadings:
-    """What the car says about itself. Frame: the car's (x forward, y left, z up), origin at the rear axle on the ground.
+    """What the car's own sensors read. Frame: the car's (x forward, y left, z up), origin at the rear axle on the ground.
 
     `attitude` is roll and pitch, as in `rigid.rotation_from_rpy`. GNSS positions are of that origin, the lever arm removed.
     """
@@ -55,7 +55,7 @@ class MotionReadings:
 
 
 def check_cloud(points: npt.ArrayLike, *, source: str, at_least: int = 1) -> FloatArray:
-    """The points (n, 3) [m] as contiguous float64. Raises CloudError naming `source` at the first fault."""
+    """The points (n, 3) [m] as contiguous float64. Raises CloudError, which names `source`, at the first fault."""
     if np.asarray(points).dtype.kind not in "iuf":
         raise CloudError(f"{source}: not a table of real numbers; a cloud is (n, 3): x, y, z in metres")
     cloud = np.ascontiguousarray(points, dtype=np.float64)

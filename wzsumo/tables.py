@@ -39,7 +39,7 @@ def check_traces(traces: pd.DataFrame, *, source: str) -> pd.DataFrame:
 
 
 def _finite(column: pd.Series, *, source: str) -> FloatArray:
-    """The numbers (n,) of a column. Raises TraceError where one is none, or not finite."""
+    """The numbers (n,) of a column. Raises TraceError where a value is not a finite number."""
     values = (
         column.to_numpy(dtype=float) if column.dtype.kind == "f" else pd.to_numeric(column, errors="coerce").to_numpy(float)
     )

@@ -1,4 +1,4 @@
-"""Taper and buffer lengths. Feet and mph, as printed in the manual."""
+"""Taper and buffer lengths of the MUTCD, in feet and mph as printed there; one formula in SI for maps made of traces."""
 
 import math
 
@@ -10,6 +10,7 @@ STOPPING_SIGHT_DISTANCE_FT = {
     20: 115, 25: 155, 30: 200, 35: 250, 40: 305, 45: 360, 50: 425, 55: 495, 60: 570, 65: 645, 70: 730, 75: 820,
 }  # fmt: skip
 SHORT_TAPER_FT = (50.0, 100.0)  # one-lane two-way tapers, and downstream tapers per lane: MUTCD 11th ed., Table 6B-3, p. 775
+FORMULAS_MEET_MPH = 42.5  # of a speed that was measured: the middle between 40 and 45 mph, where the manual's two formulas end
 
 
 def merging_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
@@ -25,11 +26,20 @@ def merging_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
         raise SpecError(f"offset_ft={offset_ft} must be a width of 0 or more feet")
     if not 20 <= speed_mph <= 75:
         raise SpecError(f"posted_speed_mph={speed_mph} must be 20 to 75 mph, the range of the manual's tables")
-    if speed_mph <= 40:
-        return offset_ft * speed_mph**2 / 60
-    if speed_mph >= 45:
-        return offset_ft * speed_mph
-    raise SpecError(f"posted_speed_mph={speed_mph}: the MUTCD gives no taper formula between 40 and 45 mph; post 40 or 45 mph")
+    if 40 < speed_mph < 45:
+        raise SpecError(
+            f"posted_speed_mph={speed_mph}: the MUTCD gives no taper formula between 40 and 45 mph; post 40 or 45 mph"
+        )
+    return offset_ft * _length_per_offset(speed_mph)
+
+
+def merging_taper_m(speed_mps: float, *, width_m: float) -> float:
+    """Length L [m] of a merging taper over a width [m] at the speed [m/s] at which traffic drives, whatever it is.
+
+    Source: as above; between 40 and 45 mph the formula of the nearer of the two speeds.
+    """
+    width_ft = feet_from_metres(width_m)
+    return METRES_PER_FOOT * width_ft * _length_per_offset(mph_from_mps(speed_mps))
 
 
 def shifting_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
@@ -54,13 +64,13 @@ def downstream_taper_length_ft(lane_count: int, *, per_lane_ft: float) -> float:
 def one_lane_two_way_taper_length_ft(length_ft: float) -> float:
     """Length [ft] of the taper into a lane that both directions share, 50 to 100 ft. Source: MUTCD 11th ed., Table 6B-3.
 
-    It is short because everybody has stopped, or could have, ahead of it.
+    It is short because traffic has stopped, or can stop, ahead of it.
     """
     return _short_taper_ft(length_ft, key="one_lane_two_way_taper_ft")
 
 
 def buffer_length_ft(speed_mph: float) -> float:
-    """Longitudinal buffer [ft]: stopping sight distance at the next speed of the manual's table that is not below.
+    """Longitudinal buffer [ft]: the stopping sight distance of the lowest speed in the manual's table that is no lower.
 
     Source: MUTCD 11th ed., Table 6B-2. Raises SpecError above 75 mph.
     """
@@ -70,15 +80,13 @@ def buffer_length_ft(speed_mph: float) -> float:
     raise SpecError(f"posted_speed_mph={speed_mph} must be 20 to 75 mph, the range of the manual's tables")
 
 
+def _length_per_offset(speed_mph: float) -> float:
+    """L / W of a merging taper: S from 45 mph, S^2 / 60 up to 40 mph (MUTCD 11th ed., Table 6B-4)."""
+    return speed_mph if speed_mph >= FORMULAS_MEET_MPH else speed_mph**2 / 60
+
+
 def _short_taper_ft(length_ft: float, *, key: str) -> float:
     shortest, longest = SHORT_TAPER_FT
     if not shortest <= length_ft <= longest:
         raise SpecError(f"{key}={length_ft} must be {shortest:g} to {longest:g} ft (MUTCD 11th ed., Table 6B-3)")
     return length_ft
-
-
-def merging_taper_m(speed_mps: float, *, width_m: float) -> float:
-    """Length L [m] of a merging taper: W S from 45 mph, W S^2 / 60 below. Source: MUTCD 11th ed., Table 6B-4."""
-    speed_mph = mph_from_mps(speed_mps)
-    width_ft = feet_from_metres(width_m)
-    return METRES_PER_FOOT * width_ft * (speed_mph if speed_mph >= 42.5 else speed_mph**2 / 60)

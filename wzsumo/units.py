@@ -5,19 +5,9 @@ METRES_PER_FOOT = 0.3048  # exact, ibid.
 METRES_PER_MILE = 1609.344  # exact, ibid.
 
 
-def metres_from_feet(length_ft: float) -> float:
-    """Length [m] of a length [ft]."""
-    return length_ft * METRES_PER_FOOT
-
-
 def feet_from_metres(length_m: float) -> float:
     """Length [ft] of a length [m]."""
     return length_m / METRES_PER_FOOT
-
-
-def metres_from_inches(length_in: float) -> float:
-    """Length [m] of a length [in]."""
-    return length_in * METRES_PER_INCH
 
 
 def mps_from_mph(speed_mph: float) -> float:

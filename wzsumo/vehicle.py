@@ -32,11 +32,6 @@ class VehicleGeometry(Spec):
         return self
 
     @property
-    def front_overhang_m(self) -> float:
-        """Distance [m] from the front axle to the front bumper."""
-        return self.length_m - self.wheelbase_m - self.rear_overhang_m
-
-    @property
     def axle_to_bumper_m(self) -> float:
         """Distance [m] from the rear axle to the front bumper."""
         return self.length_m - self.rear_overhang_m

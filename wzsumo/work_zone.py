@@ -45,16 +45,16 @@ class RoadType(StrEnum):
 
 
 class WorkZone(Spec):
-    """What is closed, where and at what posted speed. Lengths that are left out come from the MUTCD."""
+    """What is closed, where and at what posted speed. Lengths left out are those of the MUTCD."""
 
     posted_speed_mph: float = Field(ge=20, le=75)  # the range of MUTCD 11th ed. Table 6B-2
     road_type: RoadType = RoadType.FREEWAY  # decides the distances of the signs; the paper's road
-    typical_application: str | None = None  # "TA-33": the zone is refused where it is not what the manual draws under it
+    typical_application: str | None = None  # such as "TA-33"; a zone unlike the manual's figure is refused
     start_ft: float = Field(ge=0)  # station of the first device
     closed_lanes: tuple[int, ...] = ()  # 0 = rightmost; side by side
     closed_shoulder: Side | None = None  # for an interior closure: the side whose outer lane closes first
     shift_ft: float = Field(0.0, ge=0)  # the open lanes move away from the closed side by this
-    shifted_lane_width_ft: float | None = Field(None, ge=10, le=16)  # None: as before; 10 ft: MUTCD 6G, narrowest
+    shifted_lane_width_ft: float | None = Field(None, ge=10, le=16)  # None: the lane's own; 10 ft: MUTCD 6G, narrowest
     one_lane_two_way: Literal["signal", "flaggers"] | None = None  # both directions take turns on the opposing lane
     work_length_ft: float = Field(gt=0)
     taper_tangent_ft: float | None = None  # between two tapers; None: 2 L between merging tapers, L/2 before a shift
@@ -119,7 +119,7 @@ class OpenLane:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedStrip:
-    """What devices fence off from station `start` to `end` [m], between two lateral offsets as functions of s."""
+    """Ground that devices fence off from station `start` to `end` [m], between two lateral offsets as functions of s."""
 
     start: float
     end: float
@@ -130,7 +130,7 @@ class ClosedStrip:
 
 @dataclass(frozen=True, kw_only=True)
 class TakingTurns:
-    """Where both directions use one lane by turns: stations [m] of the two stop lines, and who holds them back."""
+    """Where both directions use one lane by turns: stations [m] of the two stop lines, and what controls the traffic there."""
 
     start: float
     end: float
@@ -186,7 +186,7 @@ class WorkZoneLayout:
 
     @cached_property
     def pavement(self) -> BaseGeometry:
-        """All of the road's surface but the closed area."""
+        """The road's surface without the closed area."""
         whole = self.road.strip(0.0, self.road.length, -self.road.right_shoulder, self.road.left_edge)
         # Along a bend rounding leaves slivers where the two share an edge.
         parts = shapely.get_parts(whole - self.closed_area)
@@ -198,7 +198,7 @@ class WorkZoneLayout:
         return device_outlines(self.devices)
 
     def drivable_between(self, start: float, end: float) -> BaseGeometry:
-        """The drivable area from station `start` to `end` [m]: the truth that a map of that stretch is held against."""
+        """The drivable area from station `start` to `end` [m]: the truth for a map of that stretch."""
         whole = self.road.strip(start, end, self.drivable_right, self.drivable_left)
         return whole - union_all([self._area_of(strip) for strip in self.closed_strips if strip.interior])
 

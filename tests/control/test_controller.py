@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import to_world
 from control.drives import CAR, circle_path, curved_road_path, drive, straight_path, work_zone_path
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +11,7 @@ from wzsumo.control.controller import Controller, allow_for_slip
 from wzsumo.control.plant import PlantSpec
 from wzsumo.ego import EgoState
 from wzsumo.errors import InputError, SpecError
-from wzsumo.frames import advance, to_world
+from wzsumo.frames import advance
 from wzsumo.path import ReferencePath
 from wzsumo.scenario.sections import ControlSection
 

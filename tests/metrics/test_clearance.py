@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 import shapely
-from builders import paper_layout
+from builders import paper_layout, to_world
 
-from wzsumo.frames import to_world
 from wzsumo.metrics.clearance import clearance_along
 from wzsumo.path import swept_pieces
 from wzsumo.vehicle import VehicleGeometry

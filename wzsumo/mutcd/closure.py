@@ -1,7 +1,7 @@
-"""What a zone closes, seen from the side that stays open, so that one code lays out closures on the left and on the right.
+"""What a zone closes, counted from the side that stays open: closures on the left and on the right are laid out alike.
 
-The offset e counts from the line of the open side towards the closed one: d = e for a closure on the left, and
-d = (width of the lanes seen) - e for one on the right.
+The offset e counts from the edge line of the open side towards the closed one: d = e for a closure on the left, and
+d = (width of the zone's lanes) - e for one on the right.
 """
 
 from dataclasses import dataclass

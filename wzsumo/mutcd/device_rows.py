@@ -11,7 +11,8 @@ from wzsumo.road import Profile
 from wzsumo.units import METRES_PER_FOOT
 from wzsumo.work_zone import DEVICE_COLUMNS, Area, DeviceKind, WorkZone
 
-DeviceLine = tuple[Profile, int]  # offsets e, and on which side of the line what is closed lies: +1 to greater e
+# Offsets e of a line, and the side of it on which the closed ground lies: +1 towards greater e, -1 towards smaller e.
+DeviceLine = tuple[Profile, int]
 
 
 def device_table(
@@ -37,7 +38,7 @@ def device_table(
             s = area.start + np.arange(from_start, gaps + 1) / gaps * area.length
             rows.append(_row_of_devices(kind, line, side, s, closure))
     table = pd.concat(rows, ignore_index=True)
-    table = table[_has_room(table, closure, lines) & ~_in_a_gap(table["s_m"].to_numpy(), work_zone)]
+    table = table[_is_clear(table, closure, lines) & ~_in_a_gap(table["s_m"].to_numpy(), work_zone)]
     return table.sort_values("s_m", kind="stable", ignore_index=True)[list(DEVICE_COLUMNS)]
 
 
@@ -73,26 +74,27 @@ def _middles(values: FloatArray) -> FloatArray:
 
 
 def _steepest_secant(line: Profile, s: FloatArray) -> FloatArray:
-    """1 / cos of the steeper of the two slopes at each station: a circle moved out by it times its radius clears both."""
+    """1 / cos of a line's steeper slope at stations (n,): a circle moved out by that times its radius clears both slopes."""
     slopes = np.concatenate([[0.0], np.diff(line.offsets) / np.diff(line.stations), [0.0]])
     before = slopes[np.searchsorted(line.stations, s - 1e-6)]
     after = slopes[np.searchsorted(line.stations, s + 1e-6)]
     return np.asarray(np.hypot(1.0, np.maximum(np.abs(before), np.abs(after))))
 
 
-def _has_room(table: pd.DataFrame, closure: Closure, lines: tuple[DeviceLine, ...]) -> BoolArray:
-    """Which devices stand clear of the lines that close from the other side: the tips of an interior closure are too narrow."""
+def _is_clear(table: pd.DataFrame, closure: Closure, lines: tuple[DeviceLine, ...]) -> BoolArray:
+    """Which devices (n,) stand clear of the other line of an interior closure: its tips are narrower than a device."""
     e, radius = closure.d_of(table["d_m"].to_numpy()), table["radius_m"].to_numpy()
-    room = np.ones(len(table), dtype=bool)
+    clear = np.ones(len(table), dtype=bool)
     for line, side in lines[1:]:
         s = table["s_m"].to_numpy()
         beside = (s >= line.stations[0] - 1e-6) & (s <= line.stations[-1] + 1e-6)
         between = e < lines[0][0](s)  # the devices of the closed side stand beyond the gore
-        room &= ~beside | ~between | (side * (e - line(s)) >= radius - 1e-9)
-    return room
+        clear &= ~beside | ~between | (side * (e - line(s)) >= radius - 1e-9)
+    return clear
 
 
 def _in_a_gap(s: FloatArray, work_zone: WorkZone) -> BoolArray:
+    """Which stations (n,) lie in a stretch where the zone's devices are missing."""
     from_start = s - work_zone.start_ft * METRES_PER_FOOT
     gaps = np.array(work_zone.device_gaps_ft).reshape(-1, 2) * METRES_PER_FOOT
     return np.asarray(((from_start[:, None] >= gaps[:, 0]) & (from_start[:, None] <= gaps[:, 1])).any(axis=1))

@@ -6,8 +6,8 @@ from wzsumo.mutcd.closure import Closure
 from wzsumo.road import Profile
 from wzsumo.work_zone import Area, OpenLane, TakingTurns
 
-# From a stop line to the taper that it guards. The manual draws the stop line ahead of the taper without a number that fits
-# every case; 100 ft lets the way onto the other lane be half as sharp as the taper is.
+# From a stop line to the taper. The manual draws the stop line ahead of the taper without a number for every case. Chosen by
+# us: with 100 ft a lane crosses to the other one half as sharply as the taper does.
 STOP_LINE_AHEAD_FT = 100.0
 
 
@@ -31,7 +31,7 @@ def open_lanes(
 
 
 def _lanes_beside(closure: Closure, *, outer: Profile, open_edge: Profile) -> list[OpenLane]:
-    """The open lanes, stretched alike between the open edge line and the device line (or their own outer line)."""
+    """The open lanes, which share the width between the open edge line and the device line (or their own outer line)."""
     stations = np.union1d(outer.stations, open_edge.stations)
     width, base = closure.lines[closure.n_open], open_edge(stations)
     available = np.minimum(outer(stations), width) - base
@@ -44,7 +44,7 @@ def _lanes_beside(closure: Closure, *, outer: Profile, open_edge: Profile) -> li
 
 
 def _lanes_around(closure: Closure, areas: tuple[Area, ...]) -> list[OpenLane]:
-    """Lanes on the open side of the closed ones go straight on, the others move out by as many as are closed."""
+    """Lanes on the open side of the closed ones go straight on, the others move out by the closed lanes' width."""
     taper = next(area for area in areas if area.name == "shifting taper")
     lanes = []
     for number in range(closure.n_open):
@@ -69,13 +69,13 @@ def _lanes_that_close(closure: Closure, areas: tuple[Area, ...]) -> list[OpenLan
 
 
 def _lanes_by_turns(closure: Closure, areas: tuple[Area, ...], turns: TakingTurns) -> tuple[OpenLane, ...]:
-    """The own lane goes over to the place of the opposing one between the stop lines, and back."""
+    """Between the stop lines the own lane leads over to the place of the opposing one, and back."""
     taper_end = next(area.end for area in areas if area.name == "one-lane two-way taper")
     stations = np.array([turns.start, taper_end, areas[-1].start, turns.end])
     own, opposing = closure.road.lane_span(0), closure.road.lane_span(1)
     right, left = (Profile(stations=stations, offsets=np.array([a, b, b, a])) for a, b in zip(own, opposing, strict=True))
-    there = OpenLane(index=0, start=0.0, end=closure.road.length, right=right, left=left)
-    return (there, *_opposing_lanes(closure))
+    own_lane = OpenLane(index=0, start=0.0, end=closure.road.length, right=right, left=left)
+    return (own_lane, *_opposing_lanes(closure))
 
 
 def _opposing_lanes(closure: Closure) -> list[OpenLane]:

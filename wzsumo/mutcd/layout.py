@@ -11,7 +11,7 @@ from wzsumo.mutcd.device_rows import device_table
 from wzsumo.mutcd.lanes import STOP_LINE_AHEAD_FT, open_lanes
 from wzsumo.mutcd.sequence import Lines, Stretch, stretches_of
 from wzsumo.mutcd.signs import sign_table
-from wzsumo.mutcd.typical import refuse_too_narrow, refuse_unlike
+from wzsumo.mutcd.typical import refuse_mismatch, refuse_too_narrow
 from wzsumo.road import Profile, Road
 from wzsumo.units import METRES_PER_FOOT, feet_from_metres
 from wzsumo.work_zone import Area, ClosedStrip, TakingTurns, WorkZone, WorkZoneLayout
@@ -21,7 +21,7 @@ def lay_out(work_zone: WorkZone, road: Road) -> WorkZoneLayout:
     """The layout of `work_zone` on `road`. Raises SpecError, with the numbers and what would fit, where it cannot be."""
     refuse_too_narrow(work_zone, road)
     closure = closure_of(work_zone, road)
-    refuse_unlike(work_zone, closure)
+    refuse_mismatch(work_zone, closure)
     begin, stretches = stretches_of(work_zone, closure)
     stations = work_zone.start_ft * METRES_PER_FOOT + np.cumsum([0.0, *(stretch.length for stretch in stretches)])
     _refuse_beyond_the_road(float(stations[-1]), road, stretches)
@@ -35,7 +35,7 @@ def lay_out(work_zone: WorkZone, road: Road) -> WorkZoneLayout:
     strips = _closed_strips(lines, closure)
     lanes = open_lanes(closure, areas, outer=lines.outer, open_edge=lines.open_edge, turns=turns)
     right, left = closure.right_and_left(lines.open_edge, _capped(lines.outer, closure.travelled))
-    if turns:  # the other lane is open to this direction as far as its own way leads
+    if turns:  # this direction may use the opposing lane as far as its own lane leads over there
         left = lanes[0].left
     return WorkZoneLayout(
         work_zone=work_zone,
@@ -61,7 +61,7 @@ class _Profiles:
 
     @property
     def of_devices(self) -> tuple[tuple[Profile, int], ...]:
-        """Lines that devices stand along, each with the side on which what is closed lies: +1 to greater e, -1 to smaller."""
+        """Lines that devices stand along, each with the side of the closed ground: +1 towards greater e, -1 towards smaller."""
         return ((self.outer, 1),) + (((self.gore[0], 1), (self.gore[1], -1)) if self.gore else ())
 
 

@@ -1,4 +1,4 @@
-"""The stretches of a zone one after the other: tapers, tangents, buffer, activity area, and what the lines do along each.
+"""The stretches of a zone one after the other, tapers, tangents, buffer, activity area, and the lines at the end of each.
 
 Offsets e are counted from the open side, see `closure`.
 """
@@ -21,7 +21,7 @@ from wzsumo.units import METRES_PER_FOOT, feet_from_metres
 from wzsumo.work_zone import WorkZone
 
 # Between two tapers of one zone, as shares of the merging taper's L. TA-37 draws 2 L between merging tapers; for a
-# merging taper followed by a shift no number is printed: one length of the shifting taper, 1/2 L.
+# merging taper followed by a shift no number is printed; chosen by us: the length of the shifting taper, L/2.
 TANGENT_BETWEEN_MERGING_TAPERS_L = 2.0
 TANGENT_BEFORE_SHIFT_L = 0.5
 
@@ -122,7 +122,7 @@ def _pass_on_one_side(sequence: _Sequence, closure: Closure) -> None:
 
 
 def _pass_on_both_sides(sequence: _Sequence, closure: Closure) -> None:
-    """In the manner of TA-38: outer lanes close first; then what drives where the work is moves out to their place."""
+    """As in TA-38: outer lanes close first; then the traffic that would meet the work moves out to their place."""
     zone = sequence.work_zone
     merging_ft = _merge(sequence, closure)
     inner, outer = closure.lines[closure.first], closure.lines[closure.first + closure.count]

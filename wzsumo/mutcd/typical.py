@@ -99,8 +99,8 @@ def refuse_too_narrow(work_zone: WorkZone, road: Road) -> None:
         )
 
 
-def refuse_unlike(work_zone: WorkZone, closure: Closure) -> None:
-    """Raise SpecError where the zone is named after a typical application that it is not."""
+def refuse_mismatch(work_zone: WorkZone, closure: Closure) -> None:
+    """Raise SpecError where the zone differs from the typical application that it is named after."""
     name = work_zone.typical_application
     if name is not None and not _TYPICAL[name].holds(work_zone, closure):
         raise SpecError(
