@@ -1,39 +1,44 @@
+from collections.abc import Sequence
+
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from shapely import affinity, box
+from shapely import Polygon, affinity, box
 
 from wzsumo.errors import InputError, TraceError
+from wzsumo.frames import FloatArray
 from wzsumo.metrics.conflicts import (
     CONFLICT_COLUMNS,
     box_approach,
     boxes_overlap,
     conflicts_with_traffic,
-    deceleration_to_avoid_crash,
     post_encroachment_time,
-    time_to_collision,
 )
 
 CAR = (4.64, 1.86)
 TRUCK = (16.5, 2.55)
 
 
-def shapely_box(pose, size):
+Pose = Sequence[float] | FloatArray
+
+
+def shapely_box(pose: Pose, size: tuple[float, float]) -> Polygon:
     length, width = size
     outline = box(-length / 2, -width / 2, length / 2, width / 2)
-    return affinity.translate(affinity.rotate(outline, pose[2], origin=(0, 0), use_radians=True), pose[0], pose[1])
+    turned: Polygon = affinity.rotate(outline, pose[2], origin=(0, 0), use_radians=True)
+    return affinity.translate(turned, pose[0], pose[1])
 
 
-def straight_track(*, start, heading, speed, n, dt):
+def straight_track(*, start: tuple[float, float], heading: float, speed: float, n: int, dt: float) -> FloatArray:
     travelled = speed * dt * np.arange(n)
     return np.column_stack(
         [start[0] + travelled * np.cos(heading), start[1] + travelled * np.sin(heading), np.full(n, heading)]
     )
 
 
-def trace_table(track, *, vehicle_id, speed, dt, first_time=0.0):
+def trace_table(track: FloatArray, *, vehicle_id: str, speed: float, dt: float, first_time: float = 0.0) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "vehicle_id": vehicle_id, "time_s": first_time + dt * np.arange(len(track)),
@@ -46,23 +51,27 @@ def trace_table(track, *, vehicle_id, speed, dt, first_time=0.0):
 @pytest.mark.parametrize(
     ("gap_m", "rear", "front", "ttc", "drac"),
     [
-        (20.0, 25.0, 15.0, 2.0, 2.5),  # 10 m/s too fast over 20 m
+        (20.0, 25.0, 15.0, 2.0, 2.5),  # 10 m/s too fast over 20 m: 20 / 10 s, 10^2 / (2 x 20) m/s2
         (20.0, 15.0, 15.0, np.inf, 0.0),
         (20.0, 10.0, 15.0, np.inf, 0.0),
         (0.0, 10.0, 5.0, 0.0, np.inf),
-        (-1.0, 5.0, 10.0, 0.0, 0.0),  # in contact, and parting
+        (-1.0, 5.0, 5.0, 0.0, 0.0),  # in contact, at one speed
         (8.0, 4.0, 0.0, 2.0, 1.0),
     ],
 )
-def test_ttc_and_drac_in_line_follow_the_definitions(gap_m: float, rear: float, front: float, ttc, drac) -> None:
-    assert time_to_collision(gap_m, rear, front) == ttc
-    assert deceleration_to_avoid_crash(gap_m, rear, front) == drac
+def test_boxes_in_line_have_hayward_s_time_and_cooper_and_ferguson_s_deceleration(
+    gap_m: float, rear: float, front: float, ttc: float, drac: float
+) -> None:
+    approach = box_approach((0, 0, 0), (4, 2), (4 + gap_m, 0, 0), (4, 2), speed_a=rear, speed_b=front)
+    assert (float(approach.ttc), float(approach.drac)) == (ttc, drac)
 
 
-def test_ttc_and_drac_of_arrays_have_the_shape_of_the_arrays() -> None:
+def test_approaches_of_arrays_have_the_shape_of_the_arrays() -> None:
     gaps = np.array([[10.0, 20.0], [30.0, 40.0]])
-    np.testing.assert_allclose(time_to_collision(gaps, 12.0, 10.0), gaps / 2)
-    np.testing.assert_allclose(deceleration_to_avoid_crash(gaps, 12.0, 10.0), 2 / gaps)
+    ahead = np.stack([gaps + 4, np.zeros((2, 2)), np.zeros((2, 2))], axis=-1)
+    approach = box_approach((0, 0, 0), (4, 2), ahead, (4, 2), speed_a=12.0, speed_b=10.0)
+    np.testing.assert_allclose(approach.ttc, gaps / 2)
+    np.testing.assert_allclose(approach.drac, 2 / gaps)
 
 
 @given(
@@ -70,7 +79,7 @@ def test_ttc_and_drac_of_arrays_have_the_shape_of_the_arrays() -> None:
     size_b=st.sampled_from([CAR, TRUCK, (0.6, 0.6)]),
 )  # fmt: skip
 def test_boxes_overlap_exactly_where_shapely_says_they_intersect(
-    x: float, y: float, heading_a: float, heading_b: float, size_b
+    x: float, y: float, heading_a: float, heading_b: float, size_b: tuple[float, float]
 ) -> None:
     pose_a, pose_b = (1.0, -2.0, heading_a), (1.0 + x, -2.0 + y, heading_b)
     a, b = shapely_box(pose_a, CAR), shapely_box(pose_b, size_b)
@@ -89,7 +98,7 @@ def test_overlap_of_many_boxes_with_one_equals_shapely_for_each() -> None:
     assert 200 < sum(expected) < 1800
 
 
-def test_a_vehicle_that_is_not_there_overlaps_nobody_and_is_on_no_collision_course() -> None:
+def test_absent_vehicle_overlaps_none_and_is_on_no_collision_course() -> None:
     absent = (np.nan, np.nan, np.nan)
     assert not boxes_overlap(absent, CAR, (0, 0, 0), CAR)
     approach = box_approach(absent, CAR, (0, 0, 0), CAR, speed_a=np.nan, speed_b=1.0)
@@ -103,10 +112,11 @@ def test_approach_of_boxes_in_one_lane_is_ttc_and_drac_of_the_bumper_gap(
     apart = gap + CAR[0]
     ahead = (apart * np.cos(heading), apart * np.sin(heading), heading)
     approach = box_approach((0, 0, heading), CAR, ahead, CAR, speed_a=rear, speed_b=front)
-    if abs(rear - front) > 1e-3:  # at equal speeds rounding of the heading decides the sign
-        expected = time_to_collision(gap, rear, front)
-        np.testing.assert_allclose(approach.ttc, expected, rtol=1e-6)
-        np.testing.assert_allclose(approach.drac, deceleration_to_avoid_crash(gap, rear, front), rtol=1e-6)
+    if rear - front > 1e-3:  # at equal speeds rounding of the heading decides the sign
+        np.testing.assert_allclose(approach.ttc, gap / (rear - front), rtol=1e-6)
+        np.testing.assert_allclose(approach.drac, (rear - front) ** 2 / (2 * gap), rtol=1e-6)
+    elif front - rear > 1e-3:
+        assert (approach.ttc, approach.drac) == (np.inf, 0)
 
 
 def test_approach_at_a_right_angle_is_the_time_at_which_the_front_reaches_the_others_side() -> None:
@@ -125,11 +135,11 @@ def test_approach_side_by_side_in_parallel_lanes_never_meets() -> None:
     x=st.floats(-60, 60), y=st.floats(-60, 60), heading=st.floats(-3.1, 3.1),
     speed_a=st.floats(0, 30), speed_b=st.floats(0, 30),
 )  # fmt: skip
-def test_boxes_first_touch_at_the_time_to_collision(x: float, y: float, heading: float, speed_a: float, speed_b: float):
+def test_boxes_first_touch_at_the_time_to_collision(x: float, y: float, heading: float, speed_a: float, speed_b: float) -> None:
     pose_b = (x, y, heading)
     ttc = float(box_approach((0, 0, 0), CAR, pose_b, TRUCK, speed_a=speed_a, speed_b=speed_b).ttc)
 
-    def distance(time):
+    def distance(time: float) -> float:
         moved = (x + speed_b * time * np.cos(heading), y + speed_b * time * np.sin(heading), heading)
         return shapely_box((speed_a * time, 0, 0), CAR).distance(shapely_box(moved, TRUCK))
 
@@ -158,7 +168,7 @@ def test_pet_at_a_crossing_is_arrival_of_the_second_less_departure_of_the_first(
 
 
 @pytest.mark.parametrize(("lateral_m", "expected"), [(1.9, np.inf), (1.8, 0.0)])
-def test_pet_counts_outlines_and_not_centres(lateral_m: float, expected) -> None:
+def test_pet_counts_outlines_and_not_centres(lateral_m: float, expected: float) -> None:
     a = straight_track(start=(0.0, 0.0), heading=0.0, speed=10.0, n=100, dt=0.1)
     b = straight_track(start=(30.0, lateral_m), heading=np.pi, speed=10.0, n=100, dt=0.1)
     assert post_encroachment_time(a, CAR, b, CAR, dt=0.1, horizon_s=5.0) == expected
@@ -225,3 +235,55 @@ def test_conflicts_refuse_traces_without_a_heading() -> None:
 def test_pet_refuses_tracks_of_different_clocks() -> None:
     with pytest.raises(InputError, match="on one clock"):
         post_encroachment_time(np.zeros((3, 3)), CAR, np.zeros((4, 3)), CAR, dt=0.1, horizon_s=5.0)
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.1, np.inf])
+def test_pet_refuses_a_step_that_is_none(dt: float) -> None:
+    with pytest.raises(InputError, match="above 0"):
+        post_encroachment_time(np.zeros((3, 3)), CAR, np.zeros((3, 3)), CAR, dt=dt, horizon_s=5.0)
+
+
+@pytest.mark.parametrize(("horizon_s", "expected"), [(2.0, 2.0), (1.9, np.inf)])
+def test_pet_is_looked_for_up_to_the_horizon_and_no_further(horizon_s: float, expected: float) -> None:
+    # A gap of 19.95 m at 10 m/s: the follower's outline first overlaps the leader's after 2.0 s, on a clock of 0.1 s.
+    leader = straight_track(start=(4.64 + 19.95, 0.0), heading=0.0, speed=10.0, n=60, dt=0.1)
+    follower = straight_track(start=(0.0, 0.0), heading=0.0, speed=10.0, n=60, dt=0.1)
+    assert post_encroachment_time(follower, CAR, leader, CAR, dt=0.1, horizon_s=horizon_s) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("gap_s", "expected"), [(4.95, 5.0), (5.05, np.inf)])
+def test_ego_s_post_encroachment_time_is_looked_for_up_to_5_s(gap_s: float, expected: float) -> None:
+    dt = 0.1
+    own = straight_track(start=(0, 0), heading=0, speed=10.0, n=80, dt=dt)
+    ahead = straight_track(start=(4.64 + 10 * gap_s, 0), heading=0, speed=10.0, n=80, dt=dt)
+    ego, leader = (trace_table(track, vehicle_id=name, speed=10.0, dt=dt) for track, name in ((own, "ego"), (ahead, "leader")))
+    assert conflicts_with_traffic(ego, leader, dt=dt)["pet_s"].tolist() == [pytest.approx(expected)]
+
+
+@pytest.mark.parametrize(("off_s", "refused"), [(0.0008, False), (0.0012, True)])
+def test_time_may_be_off_the_clock_by_a_hundredth_of_a_step(off_s: float, refused: bool) -> None:
+    ego = trace_table(straight_track(start=(0, 0), heading=0, speed=20.0, n=3, dt=0.1), vehicle_id="ego", speed=20.0, dt=0.1)
+    late = ego.assign(time_s=ego["time_s"] + off_s)
+    if refused:
+        with pytest.raises(InputError, match="multiples"):
+            conflicts_with_traffic(ego, late, dt=0.1)
+    else:
+        assert conflicts_with_traffic(ego, late, dt=0.1)["overlap"].tolist() == [True]
+
+
+def test_two_fixes_of_a_vehicle_at_one_time_are_refused() -> None:
+    ego = trace_table(straight_track(start=(0, 0), heading=0, speed=20.0, n=3, dt=0.1), vehicle_id="ego", speed=20.0, dt=0.1)
+    twice = pd.concat([ego, ego.assign(time_s=ego["time_s"] + 1e-4)])
+    with pytest.raises(InputError, match="one row a vehicle and time"):
+        conflicts_with_traffic(ego, twice, dt=0.1)
+
+
+def test_vehicles_seen_at_different_times_conflict_by_their_encroachment_alone() -> None:
+    dt = 0.1
+    first = straight_track(start=(0, 0), heading=0, speed=20.0, n=10, dt=dt)
+    ego = trace_table(first, vehicle_id="ego", speed=20.0, dt=dt)
+    later = trace_table(first, vehicle_id="later", speed=20.0, dt=dt, first_time=2.0)
+    (found,) = conflicts_with_traffic(ego, later, dt=dt).itertuples(index=False)
+    assert (found.overlap, found.min_ttc_s, found.max_drac_mps2) == (False, np.inf, 0.0)
+    # At 20 m/s a car of 4.64 m passes a place in 0.232 s: the later one comes 1.768 s after the ego has left.
+    assert found.pet_s == pytest.approx(1.8)

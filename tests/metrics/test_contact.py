@@ -125,7 +125,8 @@ def test_first_contact_is_the_length_of_the_path_up_to_it() -> None:
     corner = 3.72 * np.sin(np.pi / 4) + 0.93 * np.cos(np.pi / 4)
     expected = np.ceil((1 + 10 * FOOT_M - corner) / np.sin(np.pi / 4) / 0.25) * 0.25
     result = contact(poses)
-    assert (result.outcome, result.first_contact_m) == (Outcome.LEFT_PAVEMENT, pytest.approx(expected))
+    assert result.outcome is Outcome.LEFT_PAVEMENT
+    assert result.first_contact_m == pytest.approx(expected)
 
 
 def test_state_in_the_open_lanes_touches_nothing_and_one_beyond_the_edge_has_left_the_pavement() -> None:

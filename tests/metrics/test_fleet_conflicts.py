@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -6,13 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wzsumo.errors import InputError
+from wzsumo.frames import FloatArray
 from wzsumo.metrics.conflicts import box_approach, boxes_overlap, conflicts_with_traffic
 from wzsumo.metrics.fleet_conflicts import fleet_conflicts
+from wzsumo.road import Road
 
 DT = 0.5
 
 
-def car(vehicle_id, *, x=0.0, y=0.0, speed=20.0, heading=0.0, start=0, n=12, length=4.8):
+def car(
+    vehicle_id: str, *, x: float = 0.0, y: float = 0.0, speed: float = 20.0, heading: float = 0.0, start: int = 0, n: int = 12,
+    length: float = 4.8,
+) -> pd.DataFrame:  # fmt: skip
     """One vehicle at constant speed, n rows from tick `start`."""
     time = (start + np.arange(n)) * DT
     way = speed * np.arange(n) * DT
@@ -22,10 +29,10 @@ def car(vehicle_id, *, x=0.0, y=0.0, speed=20.0, heading=0.0, start=0, n=12, len
     })  # fmt: skip
 
 
-def twin(traces, *, ttc_horizon_s, pet_horizon_s):
+def twin(traces: pd.DataFrame, *, ttc_horizon_s: float, pet_horizon_s: float) -> FloatArray:
     """The same figures, pair by pair and row by row."""
-    worst = {v: [False, np.inf, 0.0, np.inf] for v in traces["vehicle_id"].unique()}
-    rows = list(traces.itertuples())
+    worst: dict[str, list[float]] = {v: [False, np.inf, 0.0, np.inf] for v in traces["vehicle_id"].unique()}
+    rows: list[Any] = list(traces.itertuples())  # rows with attributes named as the columns
     for a in rows:
         for b in rows:
             if a.vehicle_id == b.vehicle_id:
@@ -39,12 +46,12 @@ def twin(traces, *, ttc_horizon_s, pet_horizon_s):
             if lag < 1e-9:
                 near = box_approach(poses[0], sizes[0], poses[1], sizes[1], speed_a=a.speed_mps, speed_b=b.speed_mps)
                 if near.ttc <= ttc_horizon_s:
-                    mine[1], mine[2] = min(mine[1], near.ttc), max(mine[2], near.drac)
+                    mine[1], mine[2] = min(mine[1], float(near.ttc)), max(mine[2], float(near.drac))
     table = pd.DataFrame([(v, *row) for v, row in worst.items()], columns=["vehicle_id", "o", "ttc", "drac", "pet"])
     return table.sort_values("vehicle_id").iloc[:, 1:].to_numpy(dtype=float)
 
 
-def to_the_millimetre(value):
+def to_the_millimetre(value: float) -> float:
     """What logs hold; a speed of 1e-248 m/s divides differently here and there."""
     return round(value, 3)
 
@@ -61,7 +68,7 @@ drivers = st.lists(
 
 @settings(max_examples=20)
 @given(drivers)
-def test_fleet_conflicts_equal_the_pairwise_twin(cars) -> None:
+def test_fleet_conflicts_equal_the_pairwise_twin(cars: list[tuple[float, float, float, float, int, float]]) -> None:
     traces = pd.concat(
         car(f"v{k}", x=x, y=y, speed=v, heading=h, start=start, n=4, length=length)
         for k, (x, y, v, h, start, length) in enumerate(cars)
@@ -92,7 +99,7 @@ def test_overlap_of_a_fleet_is_what_each_vehicle_finds_against_the_rest() -> Non
     assert found.loc["a", "pet_s"] == ego["pet_s"].min()
 
 
-def car_on(road, vehicle_id, *, station, offset, speed):
+def car_on(road: Road, vehicle_id: str, *, station: float, offset: float, speed: float) -> pd.DataFrame:
     """One vehicle that follows the road at a constant offset."""
     table = car(vehicle_id, x=station, speed=speed)
     xy = road.to_xy(table["x_m"], offset)
@@ -100,7 +107,7 @@ def car_on(road, vehicle_id, *, station, offset, speed):
 
 
 @pytest.mark.parametrize(("radius_ft", "inner", "outer"), [(1000, 1, 0), (-1000, 0, 1)])
-def test_who_passes_another_on_the_inside_of_a_bend_is_on_a_collision_course_only_if_he_does_not_follow_it(
+def test_vehicle_that_passes_another_in_a_bend_is_on_a_collision_course_only_if_it_does_not_follow_the_bend(
     radius_ft: int, inner: int, outer: int
 ) -> None:
     road = bent_road(radius_ft)
@@ -127,7 +134,7 @@ def test_follower_on_a_bend_has_hayward_s_time_of_the_gap_along_it(radius_ft: in
     assert conflicts_with_traffic(a, b, dt=DT, road=road)["min_ttc_s"].tolist() == pytest.approx([hayward_s], rel=0.03)
 
 
-def test_vehicle_alone_on_the_road_is_in_conflict_with_nobody() -> None:
+def test_vehicle_alone_on_the_road_has_no_conflict() -> None:
     (row,) = fleet_conflicts(car("a"), dt=DT).itertuples(index=False)
     assert tuple(row) == ("a", False, np.inf, 0.0, np.inf)
 
@@ -135,3 +142,17 @@ def test_vehicle_alone_on_the_road_is_in_conflict_with_nobody() -> None:
 def test_times_off_the_clock_are_refused() -> None:
     with pytest.raises(InputError, match=r"multiples of dt=0\.3 s"):
         fleet_conflicts(car("a"), dt=0.3)
+
+
+@pytest.mark.parametrize(("gap_m", "ttc_s"), [(49.9, 4.99), (50.1, np.inf)])
+def test_time_to_collision_is_looked_for_up_to_5_s(gap_m: float, ttc_s: float) -> None:
+    traces = pd.concat([car("rear", x=0, speed=20, n=1), car("front", x=gap_m + 4.8, speed=10, n=1)])
+    found = fleet_conflicts(traces, dt=DT)
+    assert found["min_ttc_s"].tolist() == pytest.approx([ttc_s] * 2)
+    assert found["max_drac_mps2"].tolist() == pytest.approx([10 / (2 * ttc_s)] * 2)
+
+
+@pytest.mark.parametrize(("gap_s", "pet_s"), [(2.0, 2.0), (2.01, np.inf)])
+def test_post_encroachment_time_is_looked_for_up_to_2_s(gap_s: float, pet_s: float) -> None:
+    traces = pd.concat([car("rear", x=0, n=20), car("front", x=20 * gap_s + 4.8, n=20)])
+    assert fleet_conflicts(traces, dt=DT)["pet_s"].tolist() == [pet_s, pet_s]

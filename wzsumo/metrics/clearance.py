@@ -1,4 +1,4 @@
-"""How near a path comes to devices and to the road's edge, from the exact outline of the vehicle."""
+"""How near a path comes to the devices and to the road's edges, measured from the exact outline of the vehicle."""
 
 from dataclasses import dataclass
 
@@ -14,17 +14,17 @@ from wzsumo.work_zone import WorkZoneLayout
 
 @dataclass(frozen=True, kw_only=True)
 class Clearance:
-    """Distances [m] of the vehicle's outline along a path; 0 where it touches."""
+    """Least distances [m] of the vehicle's outline along a path; 0 where it touches."""
 
     min_clearance_devices_m: float  # to the nearest device's outline
     min_clearance_road_edge_m: float  # to the nearer edge of the pavement, shoulders included; below 0: beyond it
-    closed_area_share: float  # of the path's length with part of the outline in the closed area
+    closed_area_share: float  # share of the path's length on which part of the outline is in the closed area
 
 
 def clearance_along(poses: npt.ArrayLike, *, vehicle: VehicleGeometry, layout: WorkZoneLayout) -> Clearance:
     """Clearance of rear-axle poses (n, 3) to the devices, the pavement's edges and the closed area of `layout`."""
     path = np.asarray(poses, dtype=float)
-    # The distance to all that is swept is that to the nearest piece of it: no union is needed.
+    # The distance to the swept area is that to the nearest piece of it: no union is needed.
     pieces = shapely.STRtree(swept_pieces(path, vehicle))
     _, to_devices = pieces.query_nearest(layout.device_outlines, return_distance=True, all_matches=False)
     outlines = vehicle.outline(path)
@@ -33,11 +33,12 @@ def clearance_along(poses: npt.ArrayLike, *, vehicle: VehicleGeometry, layout: W
     return Clearance(
         min_clearance_devices_m=max(float(to_devices.min()), 0.0),
         min_clearance_road_edge_m=float(to_edges.min()),
-        closed_area_share=_share_inside(path, outlines, layout),
+        closed_area_share=_closed_area_share(path, outlines, layout),
     )
 
 
-def _share_inside(path: FloatArray, outlines: FloatArray, layout: WorkZoneLayout) -> float:
+def _closed_area_share(path: FloatArray, outlines: FloatArray, layout: WorkZoneLayout) -> float:
+    """Share of the path's length with an outline in the closed area; a step of which one end is inside counts half."""
     closed = layout.closed_area
     shapely.prepare(closed)
     inside = shapely.intersects(closed, shapely.polygons(outlines)).astype(float)

@@ -1,7 +1,7 @@
 """Breakdown of a bottleneck and what it discharges afterwards, from counts and speeds a minute.
 
-As the Highway Capacity Manual uses the words: capacity is the highest 15-minute flow up to the breakdown, queue discharge is
-the mean flow while a queue waits upstream, the drop is what lies between them.
+The words are the Highway Capacity Manual's: capacity is the highest 15-minute flow up to the breakdown, queue discharge is the
+mean flow while a queue waits upstream, the drop is the share of the capacity that is lost.
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,15 @@ import numpy.typing as npt
 from wzsumo.errors import InputError
 from wzsumo.frames import BoolArray, FloatArray
 
-# A queue stands upstream where the speed stays down: below 60 % of the free one for 5 minutes, below half for 10 more. Where it
-# falls by less, what passes is what arrives: with 70 % instead of half, 10 minutes of slow traffic counted as a breakdown and
-# the 1,800 pc/h after it as discharge.
-BREAKDOWN_SHARE, QUEUED_SHARE = 0.6, 0.5
+# A breakdown: 5 minutes with a mean speed below 60 % of the free speed, then 10 minutes with one below half of it. The shares
+# and times are set on our simulated traffic (analysis/traffic/discharge_runs.py): with 70 % instead of half, ten slow minutes
+# without a standing queue count as a breakdown, and the demand that passes after them as discharge.
+BREAKDOWN_SPEED_SHARE = 0.6  # of the free speed
+QUEUED_SPEED_SHARE = 0.5  # of the free speed: below it vehicles queue. Between HCM's free (above 75 %) and jammed flow
 BREAKDOWN_MIN, QUEUED_MIN = 5, 10
-SETTLING_MIN = 8  # from breakdown to the steady discharge of a queue
+SETTLING_MIN = 8  # from the breakdown to the steady discharge of a queue; set on our simulated traffic
 CAPACITY_MIN = 15  # HCM 7: capacity is a 15-minute flow
-LEAST_DISCHARGE_MIN = 10
+MIN_DISCHARGE_MIN = 10  # the fewest minutes whose mean is quoted as a discharge; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,7 @@ class Discharge:
     breakdown_min: float  # minutes from the start of the series
     peak_flow_per_h: float  # highest 15-minute flow, up to the breakdown if there was one: then it is the capacity
     queue_discharge_per_h: float
-    n_discharge_min: int  # minutes behind the mean
+    n_discharge_min: int  # minutes that the discharge is the mean of
 
     @property
     def drop(self) -> float:
@@ -37,25 +38,22 @@ class Discharge:
         return 1 - self.queue_discharge_per_h / self.peak_flow_per_h
 
 
-def bottleneck_discharge(
-    counts: npt.ArrayLike, upstream_speed: npt.ArrayLike, *, free_speed: float, last_min: float = np.inf
-) -> Discharge:
+def bottleneck_discharge(counts: npt.ArrayLike, upstream_speed: npt.ArrayLike, *, free_speed: float) -> Discharge:
     """Breakdown and discharge from counts (n,) [1/min] in the bottleneck and mean speeds (n,) [m/s] a few hundred metres ahead.
 
-    A minute without a vehicle has the speed NaN and counts as free. Minutes from `last_min` on are left out.
+    A minute without a vehicle has the speed NaN and counts as free.
     """
     count, speed = np.asarray(counts, dtype=float), np.asarray(upstream_speed, dtype=float)
     if count.shape != speed.shape or count.ndim != 1:
         raise InputError(f"counts {count.shape} and speeds {speed.shape} must be two series of the same minutes")
-    end = int(min(len(count), last_min))
-    count, slow = count[:end], np.where(np.isnan(speed), free_speed, speed)[:end] / free_speed
-    breakdown = _breakdown(slow)
+    speed_share = np.where(np.isnan(speed), free_speed, speed) / free_speed
+    breakdown = _breakdown_minute(speed_share)
     if breakdown is None:
         return Discharge(
             breakdown_min=np.nan, peak_flow_per_h=_highest_flow(count), queue_discharge_per_h=np.nan, n_discharge_min=0
         )
-    discharge = count[_queue_has_stood(slow) & (np.arange(len(count)) >= breakdown + SETTLING_MIN)]
-    long_enough = len(discharge) >= LEAST_DISCHARGE_MIN
+    discharge = count[_queue_has_stood(speed_share) & (np.arange(len(count)) >= breakdown + SETTLING_MIN)]
+    long_enough = len(discharge) >= MIN_DISCHARGE_MIN
     return Discharge(
         breakdown_min=float(breakdown),
         peak_flow_per_h=_highest_flow(count[:breakdown]),
@@ -64,13 +62,13 @@ def bottleneck_discharge(
     )
 
 
-def _breakdown(speed_share: FloatArray) -> int | None:
-    """First slow minute of the first 5 that are slow on average and that a queue of 10 more follows."""
+def _breakdown_minute(speed_share: FloatArray) -> int | None:
+    """First slow minute of the first 5 minutes that are slow on average and are followed by 10 minutes of queue."""
     window = BREAKDOWN_MIN + QUEUED_MIN
     for first in range(len(speed_share) - window + 1):
         slow, after = speed_share[first : first + BREAKDOWN_MIN], speed_share[first + BREAKDOWN_MIN : first + window]
-        if slow.mean() < BREAKDOWN_SHARE and after.mean() < QUEUED_SHARE:
-            return first + int(np.argmax(slow < BREAKDOWN_SHARE))
+        if slow.mean() < BREAKDOWN_SPEED_SHARE and after.mean() < QUEUED_SPEED_SHARE:
+            return first + int(np.argmax(slow < BREAKDOWN_SPEED_SHARE))
     return None
 
 
@@ -79,11 +77,12 @@ def _queue_has_stood(speed_share: FloatArray) -> BoolArray:
     stood = np.zeros(len(speed_share), dtype=bool)
     if len(speed_share) > SETTLING_MIN:
         means = np.convolve(speed_share, np.full(SETTLING_MIN, 1 / SETTLING_MIN), mode="valid")
-        stood[SETTLING_MIN:] = means[:-1] < QUEUED_SHARE
+        stood[SETTLING_MIN:] = means[:-1] < QUEUED_SPEED_SHARE
     return stood
 
 
 def _highest_flow(count: FloatArray) -> float:
+    """Highest flow [1/h] of any 15 minutes; NaN where there are fewer."""
     if len(count) < CAPACITY_MIN:
         return float("nan")
     totals = np.convolve(count, np.ones(CAPACITY_MIN), mode="valid")

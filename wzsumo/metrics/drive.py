@@ -1,4 +1,4 @@
-"""What a drive was like: its conflicts with the traffic around it, its accelerations, how it ran through the zone."""
+"""What a drive was like: its conflicts with the traffic around it, its accelerations, its standstills."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,14 @@ from wzsumo.metrics.conflicts import conflicts_with_traffic
 from wzsumo.road import Road
 from wzsumo.vehicle import VehicleGeometry
 
-CLOCK_S = 0.1  # of the surrounding traffic's log
-SMOOTHING_S = 0.5  # accelerations and jerk are means over this: single steps of a log hold noise of its digits
+CLOCK_S = 0.1  # time step of the surrounding traffic's log
+SMOOTHING_S = 0.5  # accelerations and jerk are means over it: single steps of a log hold the noise of its digits; chosen by us
+STANDSTILL_MPS = 0.1  # below it the ego stands; SUMO's "halting" threshold (SUMO docs, TraCI, "Halting Number")
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveMeasures:
-    """Figures of one drive; a conflict that there was not is inf (TTC, PET) or 0 (DRAC)."""
+    """Figures of one drive. Where there was no conflict, TTC and PET are inf and DRAC is 0."""
 
     min_ttc_s: float  # time to collision with any vehicle
     max_drac_mps2: float  # deceleration that avoids the crash, the ego's or the other's
@@ -31,14 +32,15 @@ class DriveMeasures:
 
 
 def measure_drive(run: EgoRun, vehicle: VehicleGeometry, *, road: Road | None = None) -> DriveMeasures:
-    """The measures of a run that has at least two rows in its log; on a `road` drivers are taken to follow its bends."""
+    """The measures of a run of at least two rows in its log; with a `road`, drivers are taken to follow its bends."""
     log = run.log
     time, speed = log["time_s"].to_numpy(dtype=float), log["speed_mps"].to_numpy(dtype=float)
     step = float(np.median(np.diff(time)))
-    over = max(1, round(SMOOTHING_S / step))
-    acceleration = _rate(speed, over) / step
-    yaw_rate = _rate(np.concatenate([[0.0], np.cumsum(wrap_angle(np.diff(log["heading_rad"])))]), over) / step
-    jerk = _rate(acceleration, over) / step
+    window = max(1, round(SMOOTHING_S / step))
+    acceleration = _mean_change(speed, window=window) / step
+    turned = np.concatenate([[0.0], np.cumsum(wrap_angle(np.diff(log["heading_rad"])))])
+    yaw_rate = _mean_change(turned, window=window) / step
+    jerk = _mean_change(acceleration, window=window) / step
     conflicts = None
     if len(run.traffic):
         conflicts = conflicts_with_traffic(_ego_trace(run, vehicle), run.traffic, dt=CLOCK_S, road=road)
@@ -49,7 +51,7 @@ def measure_drive(run: EgoRun, vehicle: VehicleGeometry, *, road: Road | None = 
         max_lateral_acceleration_mps2=float(np.abs(yaw_rate * speed).max()),
         max_braking_mps2=float(max(-acceleration.min(), 0.0)),
         max_jerk_mps3=float(np.abs(jerk).max()),
-        stopped_s=float((speed < 0.1).sum() * step),
+        stopped_s=float((speed < STANDSTILL_MPS).sum() * step),
         mean_speed_mps=float(speed.mean()),
     )
 
@@ -70,8 +72,8 @@ def _ego_trace(run: EgoRun, vehicle: VehicleGeometry) -> pd.DataFrame:
     })  # fmt: skip
 
 
-def _rate(values: FloatArray, over: int) -> FloatArray:
-    """Mean change a step of values (n,), over `over` steps around each."""
-    half = np.arange(len(values))
-    after, before = np.minimum(half + (over + 1) // 2, len(values) - 1), np.maximum(half - over // 2, 0)
+def _mean_change(values: FloatArray, *, window: int) -> FloatArray:
+    """Mean change a step of values (n,), over a window of so many steps around each value, cut off at both ends."""
+    at = np.arange(len(values))
+    after, before = np.minimum(at + (window + 1) // 2, len(values) - 1), np.maximum(at - window // 2, 0)
     return np.asarray((values[after] - values[before]) / np.maximum(after - before, 1))

@@ -1,4 +1,4 @@
-"""What the traces of the whole fleet look like to a traffic engineer."""
+"""How a whole fleet drove through a zone: how many passed, their speed, their spread in the lanes, where they merged."""
 
 from dataclasses import dataclass
 
@@ -9,6 +9,10 @@ import shapely
 from wzsumo.frames import FloatArray
 from wzsumo.work_zone import WorkZoneLayout
 
+BEYOND_ZONE_M = 20.0  # a vehicle whose centre is farther from the zone cannot reach into its closed area
+SD_OF_MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
+SUMO_ROUNDING_M = 1e-3  # SUMO's coordinates are good to a millimetre
+
 
 @dataclass(frozen=True, kw_only=True)
 class FleetSummary:
@@ -17,16 +21,16 @@ class FleetSummary:
     n_vehicles: int
     n_passed: int  # from before the zone to beyond it
     n_in_closed_area: int  # vehicles whose outline was in the closed area at any time
-    lateral_sd_m: float  # between vehicles of one lane in the activity area, median absolute deviation x 1.4826
-    mean_speed_activity_mps: float
-    merge_position_m: dict[str, float]  # where closing-lane vehicles leave it, from the merging taper's start; quantiles
+    lateral_sd_m: float  # between the vehicles of one lane in the activity area, robust; NaN where no vehicle was there
+    mean_speed_activity_mps: float  # over all fixes in the activity area
+    merge_position_m: dict[str, float]  # quantiles q10, q50, q90 of `merge_positions`; empty where no vehicle merged
 
 
 def passages(traces: pd.DataFrame, layout: WorkZoneLayout) -> pd.Index:
-    """Ids of the vehicles that were seen from before the zone to beyond it; not of those that came the other way."""
+    """Ids of the vehicles of our direction that were first seen before the zone and last beyond it."""
     station, _ = layout.road.to_sd(traces[["x_m", "y_m"]])
-    way = pd.Series(station).groupby(traces["vehicle_id"].to_numpy()).agg(["first", "last"])
-    return way.index[(way["first"] < layout.start) & (way["last"] > layout.end)]
+    seen = pd.Series(station).groupby(traces["vehicle_id"].to_numpy()).agg(["first", "last"])
+    return seen.index[(seen["first"] < layout.start) & (seen["last"] > layout.end)]
 
 
 def summarise_fleet(traces: pd.DataFrame, layout: WorkZoneLayout) -> FleetSummary:
@@ -35,12 +39,13 @@ def summarise_fleet(traces: pd.DataFrame, layout: WorkZoneLayout) -> FleetSummar
     table = traces.assign(s=station, d=offset)
     activity = layout.area("activity area")
     there = table[(table["s"] >= activity.start) & (table["s"] <= activity.end)]
+    near = table[(table["s"] > layout.start - BEYOND_ZONE_M) & (table["s"] < layout.end + BEYOND_ZONE_M)]
     passed = passages(traces, layout)
     merges = merge_positions(table[table["vehicle_id"].isin(passed)], layout)
     return FleetSummary(
         n_vehicles=int(traces["vehicle_id"].nunique()),
         n_passed=len(passed),
-        n_in_closed_area=_n_in_closed_area(table[(table["s"] > layout.start - 20) & (table["s"] < layout.end + 20)], layout),
+        n_in_closed_area=_n_in_closed_area(near, layout),
         lateral_sd_m=_lateral_sd(there, layout, station=(activity.start + activity.end) / 2),
         mean_speed_activity_mps=float(there["speed_mps"].mean()),
         merge_position_m={f"q{q}": float(merges.quantile(q / 100)) for q in (10, 50, 90)} if len(merges) else {},
@@ -50,7 +55,7 @@ def summarise_fleet(traces: pd.DataFrame, layout: WorkZoneLayout) -> FleetSummar
 def merge_positions(table: pd.DataFrame, layout: WorkZoneLayout) -> pd.Series:
     """Where each vehicle was last in a closing lane [m from the start of the first merging taper], by its id.
 
-    `table` has the traces with stations `s` and lateral offsets `d`; vehicles that never were in such a lane are left out.
+    `table` has the traces with stations `s` and lateral offsets `d`. A vehicle that never was in a closing lane has no entry.
     """
     starts = [area.start for area in layout.areas if area.name.startswith("merging taper")]
     inside = np.zeros(len(table), dtype=bool)
@@ -63,8 +68,9 @@ def merge_positions(table: pd.DataFrame, layout: WorkZoneLayout) -> pd.Series:
 
 
 def _n_in_closed_area(near: pd.DataFrame, layout: WorkZoneLayout) -> int:
+    """Number of vehicles with an outline in the closed area."""
     outlines = shapely.polygons(_outlines(near))
-    closed = layout.closed_area.buffer(-1e-3)  # SUMO's coordinates are good to a millimetre
+    closed = layout.closed_area.buffer(-SUMO_ROUNDING_M)
     shapely.prepare(closed)
     hit = np.asarray(shapely.intersects(closed, outlines))
     return int(near[hit]["vehicle_id"].nunique())
@@ -81,6 +87,7 @@ def _outlines(table: pd.DataFrame) -> FloatArray:
 
 
 def _lateral_sd(there: pd.DataFrame, layout: WorkZoneLayout, *, station: float) -> float:
+    """Standard deviation [m] of the vehicles' mean offsets about the median of their lane, from the median deviation."""
     mean = there.groupby("vehicle_id")["d"].mean().to_numpy()
     lanes = [lane for lane in layout.lanes if lane.start <= station <= lane.end]
     centres = np.array([float(lane.right(station) + lane.left(station)) / 2 for lane in lanes])
@@ -88,4 +95,4 @@ def _lateral_sd(there: pd.DataFrame, layout: WorkZoneLayout, *, station: float) 
         return float("nan")
     nearest = np.argmin(np.abs(mean[:, None] - centres), axis=1)
     medians = np.array([np.median(mean[nearest == k]) if (nearest == k).any() else 0.0 for k in range(len(centres))])
-    return float(1.4826 * np.median(np.abs(mean - medians[nearest])))
+    return float(SD_OF_MAD * np.median(np.abs(mean - medians[nearest])))

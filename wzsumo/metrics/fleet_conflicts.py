@@ -1,6 +1,6 @@
 """Conflicts of every vehicle of a fleet with every other, from the trace table: TTC, DRAC, PET and overlap of outlines.
 
-SUMO's own records (SSM device, collisions) count bumper gaps along lanes; here the outlines decide, as in `conflicts`.
+SUMO's own records (SSM device, collisions) measure bumper gaps along lanes; here the outlines decide, as in `conflicts`.
 """
 
 import numpy as np
@@ -8,11 +8,11 @@ import pandas as pd
 from numba import njit
 
 from wzsumo.frames import FloatArray, IntArray
-from wzsumo.metrics.conflicts import CONFLICT_COLUMNS, on_clock, straightened
+from wzsumo.metrics.conflicts import CONFLICT_COLUMNS, straighten, with_ticks
 from wzsumo.road import Road
 
-TTC_HORIZON_S = 5.0  # thresholds of conflict in use are 1.5 to 4 s; Hayward 1972 and what follows it
-PET_HORIZON_S = 2.0  # car following at 1 s headway shows as a PET of 1 s: above 2 s nobody calls it a conflict
+TTC_HORIZON_S = 5.0  # longer times are not looked for; thresholds of conflict in use are 1.5 to 4 s (Hayward 1972 and later)
+PET_HORIZON_S = 2.0  # longer times are not looked for: car following at a net time gap of 1 s is a PET of 1 s and no conflict
 
 
 def fleet_conflicts(
@@ -26,14 +26,14 @@ def fleet_conflicts(
     """The worst conflict of each vehicle with any other, `CONFLICT_COLUMNS`, one row a vehicle, sorted by id.
 
     `traces` has heading, speed, length and width on the clock k dt. A time to collision above its horizon is inf and gives
-    no DRAC; a post-encroachment time above its horizon is inf. On a `road` drivers follow its bends: who is on a collision
-    course is told with the road straightened, within the few per cent by which an outer lane is longer.
+    no DRAC; a post-encroachment time above its horizon is inf. With a `road`, drivers are taken to follow its bends:
+    collision courses are looked for on the straightened road.
     """
-    table = on_clock(traces, dt=dt, source="traces")
+    table = with_ticks(traces, dt=dt, source="traces")
     ids, vehicle = np.unique(table["vehicle_id"].to_numpy(dtype=str), return_inverse=True)
     poses = table[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
     ttc, drac = _approaches(
-        *_by_tick(table, vehicle, poses if road is None else straightened(poses, road)), len(ids), ttc_horizon_s
+        *_by_tick(table, vehicle, poses if road is None else straighten(poses, road)), len(ids), ttc_horizon_s
     )
     lags = _least_lags(*_by_tick(table, vehicle, poses)[:-1], len(ids), int(pet_horizon_s / dt + 1e-9))
     pet = np.where(lags < 0, np.inf, lags * dt)
@@ -49,10 +49,10 @@ def compile_kernels() -> None:
 def _by_tick(
     table: pd.DataFrame, vehicle: IntArray, poses: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray]:
-    """(vehicle, where each tick starts, poses, half sizes, speed) in the order of ticks, then of x."""
+    """(vehicle numbers, first row of each tick, poses, half sizes, speeds), sorted by tick, then by x."""
     order = np.lexsort((poses[:, 0], table["tick"].to_numpy()))
     tick = table["tick"].to_numpy()[order]
-    starts = np.searchsorted(tick, np.arange(tick[0], tick[-1] + 2))  # rows of every tick, also of one without vehicles
+    starts = np.searchsorted(tick, np.arange(tick[0], tick[-1] + 2))  # an entry for every tick, also where no vehicle is
     halves = table[["length_m", "width_m"]].to_numpy(dtype=float)[order] / 2
     return vehicle[order], starts, poses[order], halves, table["speed_mps"].to_numpy(dtype=float)[order]
 
@@ -95,7 +95,7 @@ def _approaches(
 
 @njit(cache=True)
 def _least_lags(vehicle: IntArray, starts: IntArray, poses: FloatArray, halves: FloatArray, n: int, most: int) -> IntArray:
-    """Least number of ticks between one vehicle's outline and another's in the same place, -1 above `most`."""
+    """Least number of ticks between two outlines, of each of n vehicles and any other, in the same place; -1 above `most`."""
     least = np.full(n, most + 1)
     reach = np.sqrt(halves[:, 0] ** 2 + halves[:, 1] ** 2)
     longest = reach.max()
@@ -128,9 +128,9 @@ def _time_to_touch(
 ) -> float:
     """Time until box b, offset by d and moving by w relative to box a, touches it; 0 where they overlap, inf for never.
 
-    On each normal of a side the boxes' shadows meet for a while; they touch when the last meets before the first parts.
+    The rule is that of `conflicts.box_approach`.
     """
-    meets, parts = -np.inf, np.inf
+    begins, ends = -np.inf, np.inf
     for axis in range(4):
         angle = (heading_a if axis < 2 else heading_b) + (axis % 2) * np.pi / 2
         u_x, u_y = np.cos(angle), np.sin(angle)
@@ -143,8 +143,8 @@ def _time_to_touch(
             if abs(offset) > reach:
                 return np.inf
             continue
-        one, other = (-reach - offset) / drift, (reach - offset) / drift
-        meets, parts = max(meets, min(one, other)), min(parts, max(one, other))
-    if meets > parts or parts < 0:
+        first, second = (-reach - offset) / drift, (reach - offset) / drift
+        begins, ends = max(begins, min(first, second)), min(ends, max(first, second))
+    if begins > ends or ends < 0:
         return np.inf
-    return max(meets, 0.0)
+    return max(begins, 0.0)

@@ -12,6 +12,9 @@ import pandas as pd
 
 from wzsumo.frames import FloatArray
 
+MAX_QUEUE_HEAD_M = 500.0  # from the bottleneck to the queue's head: drivers who merge early slow others there; chosen by us
+MAX_QUEUE_GAP_M = 200.0  # free road within one queue: stop-and-go traffic is one queue; chosen by us
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpaceTime:
@@ -24,7 +27,7 @@ class SpaceTime:
 
     @property
     def speed(self) -> FloatArray:
-        """Space-mean speed [m/s] of every cell, NaN where nobody was."""
+        """Space-mean speed [m/s] of every cell, NaN where no vehicle was."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(self.time_spent > 0, self.distance / self.time_spent, np.nan)
 
@@ -54,14 +57,14 @@ def space_time_grid(
 ) -> SpaceTime:
     """Grid over all fixes (n,): times [s], stations [m] and speeds [m/s], one fix a vehicle every `dt` [s].
 
-    Each fix stands for dt seconds and speed x dt metres in the cell that it lies in. Cells begin at 0 s and 0 m; fixes at
-    stations below 0 are left out.
+    Each fix stands for dt seconds and speed x dt metres in the cell that it lies in. Cells begin at 0 s and 0 m. Fixes at
+    stations below 0 do not count.
     """
     t, s, v = (np.asarray(values, dtype=float) for values in (time, station, speed))
     time_edges = np.arange(np.floor(t.max() / cell_s + 1e-9) + 2) * cell_s
     station_edges = np.arange(np.floor(max(s.max(), 0.0) / cell_m) + 2) * cell_m
     edges = (time_edges, station_edges)
-    # A fix at a cell's edge belongs to the later cell also where k dt is a rounding error below it.
+    # A fix at a cell's edge belongs to the later cell, also where the rounding of k dt puts it just below the edge.
     at = (t + 1e-6, s)
     return SpaceTime(
         time_edges=time_edges,
@@ -71,14 +74,11 @@ def space_time_grid(
     )
 
 
-def queue_lengths(
-    grid: SpaceTime, *, bottleneck: float, slow: float, longest_gap: float = 200.0, farthest_head: float = 500.0
-) -> FloatArray:
-    """How far the queue reaches back from station `bottleneck` [m] in every time cell, in metres; 0 where none stands.
+def queue_lengths(grid: SpaceTime, *, bottleneck: float, slow: float) -> FloatArray:
+    """How far the queue reaches back from station `bottleneck` [m] in every time cell, in metres; 0 where there is none.
 
-    Its head is the first cell below the speed `slow` [m/s], at most `farthest_head` [m] ahead of the bottleneck: drivers who
-    merge early slow the others down there. Its tail is the farthest such cell to which no stretch longer than `longest_gap` [m]
-    is free or empty: stop-and-go traffic is one queue.
+    A cell is queued where its speed is below `slow` [m/s]. The queue's head is the first such cell ahead of the bottleneck, its
+    tail the farthest one that is joined to it: between two queued cells lie at most MAX_QUEUE_GAP_M of free or empty road.
     """
     upstream = np.flatnonzero(grid.station_edges[1:] <= bottleneck + 1e-6)[::-1]
     away, cell = bottleneck - grid.station_edges[upstream], np.diff(grid.station_edges)[0]
@@ -87,7 +87,7 @@ def queue_lengths(
     lengths = np.zeros(len(is_slow))
     for row, cells in enumerate(is_slow):
         reached = away[cells]
-        if reached.size and reached[0] <= farthest_head + cell:
-            joined = np.cumprod(np.diff(reached) <= longest_gap + cell).astype(bool)
+        if reached.size and reached[0] <= MAX_QUEUE_HEAD_M + cell:
+            joined = np.cumprod(np.diff(reached) <= MAX_QUEUE_GAP_M + cell).astype(bool)
             lengths[row] = reached[1:][joined].max(initial=reached[0])
     return lengths

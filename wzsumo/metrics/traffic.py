@@ -1,7 +1,7 @@
 """What a zone does to its traffic: throughput, queue, delay, speeds, merging, hard braking, conflicts, emissions.
 
-Everything comes from the trace table and from SUMO's trip records; `VEHICLE_COLUMNS`, `MINUTE_COLUMNS` and `STATION_COLUMNS`
-say what the three tables hold, `TrafficSummary` what the run comes to.
+Everything comes from the trace table and from SUMO's trip records. `VEHICLE_COLUMNS`, `MINUTE_COLUMNS` and `STATION_COLUMNS`
+say what the three tables hold, `TrafficSummary` the figures of the whole run.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from wzsumo.frames import FloatArray
-from wzsumo.metrics.discharge import bottleneck_discharge
+from wzsumo.metrics.discharge import QUEUED_SPEED_SHARE, bottleneck_discharge
 from wzsumo.metrics.fleet import merge_positions
 from wzsumo.metrics.fleet_conflicts import fleet_conflicts
 from wzsumo.metrics.space_time import SpaceTime, queue_lengths, space_time_grid
@@ -37,7 +37,7 @@ VEHICLE_COLUMNS = {
 MINUTE_COLUMNS = {
     "time_s": "start of the minute",
     "count": "vehicles past the middle of the activity area",
-    "upstream_speed_mps": "space-mean speed 300 to 400 m ahead of the bottleneck; NaN: nobody there",
+    "upstream_speed_mps": "space-mean speed 300 to 400 m ahead of the bottleneck; NaN: no vehicle there",
     "queue_length_m": "how far the queue reached back from the end of the last merging taper, at most in that minute",
 }
 STATION_COLUMNS = {
@@ -47,36 +47,36 @@ STATION_COLUMNS = {
     "speed_mps": "space-mean speed, ibid.",
     "speed_sd_mps": "standard deviation of the speed that vehicles spend their time at, ibid.",
 }
-CELL_S, CELL_M = 10.0, 20.0  # of the space-time grid: finer than a stop-and-go wave, coarser than a car and its gap
-QUEUED_SHARE = 0.5  # of the posted speed: below it a vehicle queues. Between HCM's free (above 75 %) and jammed flow
-UPSTREAM_M = (400.0, 300.0)  # ahead of the bottleneck, where a breakdown shows
+CELL_S, CELL_M = 10.0, 20.0  # space-time grid: finer than a stop-and-go wave, coarser than a car and its gap; chosen by us
+UPSTREAM_M = (400.0, 300.0)  # ahead of the bottleneck: the stretch whose speed shows a breakdown; chosen by us
+TAPER_APPROACH_M = 200.0  # ahead of the zone, from where on the spread of speeds counts; chosen by us
 HARD_BRAKE_MPS2 = 2.67  # 0.272 g over a second: the threshold of connected-vehicle "hard braking" (Hunter et al. 2021)
 TTC_CONFLICT_S = 1.5  # FHWA's Surrogate Safety Assessment Model, default threshold
-PET_CONFLICT_S = 1.0  # below the headway of most drivers in one lane (1 s), so that mere following does not count
+PET_CONFLICT_S = 1.0  # below the net time gap of most drivers in one lane, so that mere following does not count; chosen by us
 DRAC_CONFLICT_MPS2 = 3.35  # Archer 2005: above it a conflict is severe
 HOUR_S, MINUTE_S = 3600.0, 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrafficSummary:
-    """Figures of one run. Delays and travel times: of vehicles that came through; NaN where there is nothing to count."""
+    """Figures of one run. Delays and travel times are those of vehicles that came through; NaN where there are none."""
 
     n_vehicles: int  # due to enter the road within the run
     n_arrived: int  # at the road's end
     n_waiting: int  # still outside at the end of the run
-    throughput_vph: float  # past the middle of the activity area, after the warm-up
-    breakdown_s: float  # when a queue began to stand
+    throughput_vph: float  # flow past the middle of the activity area, after the warm-up
+    breakdown_s: float  # when a queue began to stand; NaN: none did
     peak_flow_vph: float  # highest 15-minute flow past the activity area, up to the breakdown if there was one
-    queue_discharge_vph: float
+    queue_discharge_vph: float  # mean flow past the activity area while the queue stands
     max_queue_length_m: float  # from the end of the last merging taper back to the queue's tail
     mean_queue_length_m: float  # over time, after the warm-up
     mean_travel_time_s: float
     mean_delay_s: float  # departure delay included
     p95_delay_s: float
-    mean_departure_delay_s: float  # of all vehicles, those who still wait included
-    speed_sd_taper_mps: float  # the greatest of any 20 m from 200 m ahead of the zone to its end
-    n_merges: int
-    n_hard_braking: int  # vehicles
+    mean_departure_delay_s: float  # of all vehicles, also those that still wait
+    speed_sd_taper_mps: float  # greatest standard deviation of any 20 m from 200 m ahead of the zone to its end
+    n_merges: int  # vehicles that left a closing lane
+    n_hard_braking: int  # vehicles that braked hard at least once
     hard_brakes_per_1000_vkm: float
     n_overlapping: int  # vehicles whose outline overlapped another's
     n_ttc_conflicts: int  # vehicles with a time to collision below 1.5 s
@@ -106,13 +106,13 @@ def measure_traffic(
     table = traces.assign(s=station, d=offset)
     posted = mps_from_mph(layout.work_zone.posted_speed_mph)
     grid = space_time_grid(table["time_s"], station, table["speed_mps"], dt=dt, cell_s=CELL_S, cell_m=CELL_M)
-    queues = queue_lengths(grid, bottleneck=bottleneck_station(layout), slow=QUEUED_SHARE * posted)
+    queues = queue_lengths(grid, bottleneck=bottleneck_station(layout), slow=QUEUED_SPEED_SHARE * posted)
     vehicles = _vehicles(table, trips, layout, dt=dt)
     minutes = _minutes(table, grid, queues, layout, n=int((table["time_s"].max() + dt + 1e-6) // MINUTE_S))
     stations = _stations(table[table["time_s"] >= warm_up_s], grid, warm_up_s=warm_up_s)
-    found = bottleneck_discharge(minutes["count"], minutes["upstream_speed_mps"], free_speed=posted)
+    flows = bottleneck_discharge(minutes["count"], minutes["upstream_speed_mps"], free_speed=posted)
     warm_minutes = minutes[minutes["time_s"] >= warm_up_s]
-    in_zone = stations["station_m"].between(layout.start - 200, layout.end)
+    in_zone = stations["station_m"].between(layout.start - TAPER_APPROACH_M, layout.end)
     after_warm_up = grid.time_edges[:-1] >= warm_up_s
     driven_km = trips["distance_m"].sum() / 1000
     waited = trips["departure_delay_s"]
@@ -121,9 +121,9 @@ def measure_traffic(
         n_arrived=int(trips["arrived"].sum()),
         n_waiting=int((~trips["entered"]).sum()),
         throughput_vph=float(warm_minutes["count"].mean() * HOUR_S / MINUTE_S),
-        breakdown_s=found.breakdown_min * MINUTE_S,
-        peak_flow_vph=found.peak_flow_per_h,
-        queue_discharge_vph=found.queue_discharge_per_h,
+        breakdown_s=flows.breakdown_min * MINUTE_S,
+        peak_flow_vph=flows.peak_flow_per_h,
+        queue_discharge_vph=flows.queue_discharge_per_h,
         max_queue_length_m=float(queues.max(initial=0.0)),
         mean_queue_length_m=float(queues[after_warm_up].mean()) if after_warm_up.any() else float("nan"),
         mean_travel_time_s=float(vehicles["travel_time_s"].mean()),
@@ -164,6 +164,7 @@ def count_hard_brakes(vehicle: npt.ArrayLike, speed: npt.ArrayLike, *, dt: float
 
 
 def _vehicles(table: pd.DataFrame, trips: pd.DataFrame, layout: WorkZoneLayout, *, dt: float) -> pd.DataFrame:
+    """VEHICLE_COLUMNS of all vehicles of `trips`."""
     known = trips.set_index("vehicle_id")
     conflicts = fleet_conflicts(table, dt=dt, road=layout.road).set_index("vehicle_id")
     found = known.assign(
@@ -178,7 +179,7 @@ def _vehicles(table: pd.DataFrame, trips: pd.DataFrame, layout: WorkZoneLayout, 
 
 
 def _minutes(table: pd.DataFrame, grid: SpaceTime, queues: FloatArray, layout: WorkZoneLayout, *, n: int) -> pd.DataFrame:
-    """The first n whole minutes."""
+    """MINUTE_COLUMNS of the first n whole minutes."""
     work = layout.area("activity area")
     passed = _crossing_times(table, (work.start + work.end) / 2)
     per_minute = round(MINUTE_S / CELL_S)
@@ -200,6 +201,7 @@ def _minutes(table: pd.DataFrame, grid: SpaceTime, queues: FloatArray, layout: W
 
 
 def _stations(table: pd.DataFrame, grid: SpaceTime, *, warm_up_s: float) -> pd.DataFrame:
+    """STATION_COLUMNS after the warm-up; `table` holds no fixes from before it."""
     warm = grid.time_edges[:-1] >= warm_up_s
     spent, distance = (a[warm].sum(axis=0) for a in (grid.time_spent, grid.distance))
     area = warm.sum() * CELL_S * np.diff(grid.station_edges)
@@ -218,7 +220,7 @@ def _stations(table: pd.DataFrame, grid: SpaceTime, *, warm_up_s: float) -> pd.D
 
 
 def _crossing_times(table: pd.DataFrame, station: float) -> FloatArray:
-    """Time [s] of each vehicle's first fix beyond a station, of those seen ahead of it before."""
+    """Times [s] of the vehicles' first fixes beyond a station [m]; a vehicle that was never seen before it has none."""
     beyond = table["s"].to_numpy() >= station
     ids = table["vehicle_id"].to_numpy()
     crossed = beyond[1:] & ~beyond[:-1] & (ids[1:] == ids[:-1])
