@@ -1,9 +1,10 @@
-"""What bounds maps of traces alone: their overlap where parts of them are put right by the truth, in the cases of the aims.
+"""What bounds maps of traces alone: their IoU where parts of the map are put right by the truth.
 
-python analysis/how_many_bounds.py --out results/how_many_bounds [--first 101] [--seeds 3] [--fleets FOLDER]
+    python analysis/how_many_traces/bounds.py --out results/how_many_bounds [--first 101] [--seeds 3] [--fleets FOLDER]
 
-Parts are told by the distance from the edge of the narrowest open width: what lies beyond it is open in the tapers only. Maps
-are kept apart by whether any of their traces shows the closing lane: of the others nobody can know that it is open ahead.
+The cases are those for which `study.py` has an aim. A part of a map is told by its distance from the edge of the narrowest open
+width: what lies beyond that edge is open in the tapers only. Maps of which no trace shows the closing lane stand apart, for
+nobody can know from them that the lane is open ahead. Writes rows.csv into --out and prints the medians.
 """
 
 import argparse
@@ -14,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from generator import GENERATED, generated_traces
-from scores import Judge, Truth, truth_of_generated
-from study import BARS, USUAL_INTERVAL_S, ZONES_OF_THE_STUDY, first_equipped
+from scores import SumoZone, Truth, truth_of_generated
+from study import AIMED_CASES, USUAL_INTERVAL_S, ZONES_OF_THE_STUDY, first_equipped
 from zones import ZONES, true_traces
 
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
@@ -24,21 +25,24 @@ from wzsumo.frames import BoolArray
 from wzsumo.grid import FREE_THRESHOLD
 from wzsumo.sensing.gnss import GnssSpec, report
 
-NEAR_EDGE_M = 0.6
+NEAR_EDGE_M = 0.6  # a cell this near to the true edge counts as part of the edge; chosen by us
+Figures = Callable[[int, float, int], dict[str, object]]  # of (traces, error [m], seed)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/how_many_bounds"))
-    parser.add_argument("--first", type=int, default=101)
-    parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--fleets", type=Path, default=Path("results/how_many_traces/fleets"))
+    parser.add_argument("--first", type=int, default=101, help="first seed")
+    parser.add_argument("--seeds", type=int, default=3, help="number of seeds")
+    parser.add_argument(
+        "--fleets", type=Path, default=Path("results/how_many_traces/fleets"), help="folder of simulated fleets"
+    )
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     rows = [
         {"source": source, "zone": zone, "seed": seed, "n_traces": n, "error_m": error_m} | figures(n, error_m, seed)
         for source, zone, figures in (*_simulated(args.fleets), *_generated())
-        for seed, (n, error_m) in itertools.product(range(args.first, args.first + args.seeds), BARS)
+        for seed, (n, error_m) in itertools.product(range(args.first, args.first + args.seeds), AIMED_CASES)
     ]
     table = pd.DataFrame(rows)
     table.to_csv(args.out / "rows.csv", index=False)
@@ -46,30 +50,31 @@ def main() -> None:
 
 
 def table_of(rows: pd.DataFrame) -> pd.DataFrame:
-    """Medians over all maps of a case, and of the overlap where the closing lane was shown and where it was not."""
+    """Medians over all maps of a case, and the IoU of those that show the closing lane and of those that do not."""
     case = ["source", "error_m", "n_traces"]
     medians = rows.drop(columns=["zone", "seed", "shown"]).groupby(case).median()
-    by_shown = rows.groupby([*case, "shown"])["iou"].agg(["median", "size"]).unstack()
-    by_shown.columns = [f"iou_{what}_{'shown' if shown else 'not_shown'}" for what, shown in by_shown.columns]
-    return medians.join(by_shown)
+    for shown, name in ((True, "shown"), (False, "not_shown")):
+        iou = rows.loc[rows["shown"] == shown].groupby(case)["iou"].agg(["median", "size"])
+        medians = medians.join(iou.add_prefix("iou_").add_suffix(f"_{name}"))
+    return medians
 
 
-def _simulated(fleets: Path) -> list[tuple[str, str, Callable[..., dict[str, object]]]]:
-    def figures_of(zone: str) -> Callable[..., dict[str, object]]:
-        truth, left = Judge(zone).truth, ZONES[zone].work_zone.closed_lanes[0] > 0
+def _simulated(fleets: Path) -> list[tuple[str, str, Figures]]:
+    def figures_of(zone: str) -> Figures:
+        truth, closed_left = SumoZone(zone).truth, ZONES[zone].work_zone.closed_lanes[0] > 0
 
         def figures(n: int, error_m: float, seed: int) -> dict[str, object]:
             true = first_equipped(true_traces(zone, seed, cache=fleets), n, seed=seed)
             spec = GnssSpec(error_m=error_m, sampling_interval_s=USUAL_INTERVAL_S)
-            return bounds(truth, report(true, spec=spec, seed=seed), closed_left=left)
+            return bounds(truth, report(true, spec=spec, seed=seed), closed_left=closed_left)
 
         return figures
 
     return [("SUMO", zone, figures_of(zone)) for zone in ZONES_OF_THE_STUDY]
 
 
-def _generated() -> list[tuple[str, str, Callable[..., dict[str, object]]]]:
-    def figures_of(name: str) -> Callable[..., dict[str, object]]:
+def _generated() -> list[tuple[str, str, Figures]]:
+    def figures_of(name: str) -> Figures:
         zone = GENERATED[name]
         truth = truth_of_generated(zone)
 
@@ -83,7 +88,7 @@ def _generated() -> list[tuple[str, str, Callable[..., dict[str, object]]]]:
 
 
 def bounds(truth: Truth, traces: pd.DataFrame, *, closed_left: bool) -> dict[str, object]:
-    """Overlap of the map as it is and with parts put right, and whether its traces show a lane that closes."""
+    """IoU of the map as it is and with parts put right, and whether its traces show a lane that closes."""
     model = fit_lane_structure(traces, spec=LaneStructureSpec())
     free, drivable = truth.p_occupied(model) < FREE_THRESHOLD, truth.drivable
     narrowest = np.quantile(truth.left - truth.right, 0.05)

@@ -1,4 +1,4 @@
-"""The figures of the study of how many traces a map takes."""
+"""The two figures of `study.py`: quality over the number of traces, and reliability of the probabilities."""
 
 import json
 from pathlib import Path
@@ -7,13 +7,12 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 
-COLOURS = ("#000000", "#0072B2", "#E69F00", "#D55E00")  # Okabe and Ito; by error, the same in every panel
+COLOURS = ("#000000", "#0072B2", "#E69F00", "#D55E00")  # Okabe and Ito 2008; by error, the same in every panel
 TITLES = {"joined": "joined to the map of before", "alone": "traces alone"}
 
 
 def draw_quality(rows: pd.DataFrame, path: Path) -> None:
-    """Overlap with the truth over the number of traces, a line an error, of maps joined to the map of before and of traces
-    alone."""
+    """Draw IoU over the number of traces, a line an error, of maps joined to the map of before and of traces alone."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
@@ -46,7 +45,7 @@ def draw_quality(rows: pd.DataFrame, path: Path) -> None:
 
 
 def draw_reliability(rows: pd.DataFrame, path: Path) -> None:
-    """What share of the cells with a probability of being occupied is occupied, over all maps of an error."""
+    """Draw the share of occupied cells over the probability that the map says, of all maps of an error together."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 

@@ -1,9 +1,10 @@
-"""How good crowd maps are of zones and traces that owe nothing to SUMO: quality over number of traces and GNSS error.
+"""How good crowd maps are of zones and traces that share nothing with SUMO: quality over number of traces and GNSS error.
 
-python analysis/how_many_generated.py --out results/how_many_generated [--first 81] [--seeds 10] [--zones g1_straight ...]
+    python analysis/how_many_traces/generated.py --out results/how_many_generated [--first 81] [--seeds 10] [--zones NAME ...]
 
-Maps are made of the traces alone. Rows are written as they come, and a stopped study goes on where it was; beside rows.csv lie
-table.csv, over all zones, and zones.csv, the medians of each.
+Maps are made of the traces alone. Writes into --out: rows.csv, one row a map, as they come (a study that was stopped goes on
+where it was); table.csv, medians over all zones with 95 % intervals; zones.csv, the medians of each zone. docs/results/ has the
+latter two as how_many_generated.csv and how_many_generated_zones.csv.
 """
 
 import argparse
@@ -14,12 +15,12 @@ from pathlib import Path
 import pandas as pd
 from generator import GENERATED, generated_traces
 from scores import truth_of_generated
-from study import BARS, table_of
+from study import AIMED_CASES, table_of
 
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
 from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
 
-OTHERS = ((3, 0.0), (5, 1.0), (10, 1.0), (10, 2.0), (30, 2.0))
+OTHER_CASES = ((3, 0.0), (5, 1.0), (10, 1.0), (10, 2.0), (30, 2.0))
 INTERVAL_S = 1.0
 KEYS = ["zone", "seed", "n_traces", "error_m"]
 
@@ -27,15 +28,15 @@ KEYS = ["zone", "seed", "n_traces", "error_m"]
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/how_many_generated"))
-    parser.add_argument("--first", type=int, default=81, help="seeds 1-80 were looked at while the maps were built")
-    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--first", type=int, default=81, help="first seed; 1-80 are development seeds")
+    parser.add_argument("--seeds", type=int, default=10, help="number of seeds")
     parser.add_argument("--zones", nargs="+", default=list(GENERATED), choices=list(GENERATED))
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "rows.csv"
     known = {tuple(row) for row in pd.read_csv(path)[KEYS].itertuples(index=False)} if path.exists() else set()
     seeds = range(args.first, args.first + args.seeds)
-    for cases, seed, name in itertools.product((BARS, OTHERS), seeds, args.zones):
+    for cases, seed, name in itertools.product((AIMED_CASES, OTHER_CASES), seeds, args.zones):
         truth = truth_of_generated(GENERATED[name])
         for n, error_m in cases:
             if (name, seed, n, error_m) not in known:

@@ -1,71 +1,72 @@
-"""How good one crowd map is: free area, edges and belief against the truth of a zone, and a path that is planned on it."""
+"""How good one crowd map is: its free area, edges and probabilities against the truth of a zone, and a path planned on it."""
 
 import json
 from dataclasses import asdict, dataclass
 
 import numpy as np
 import pandas as pd
-from generator import SCORED_BEYOND_M, GeneratedZone
+from generator import GeneratedZone
 from zones import ZONES
 
 from wzsumo.case.guides import nominal_guide
 from wzsumo.crowd_mapping.belief import belief, occupied
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
 from wzsumo.crowd_mapping.lane_model import LaneStructure
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import FREE_THRESHOLD, UNKNOWN
 from wzsumo.metrics.clearance import clearance_along
 from wzsumo.planning.plan import plan_path
 from wzsumo.scenario.site import prepare_site
 
-CELL_M = (2.0, 0.1)  # along and across the road: edges matter across
-EVEN = 0.5  # cut here instead of at FREE_THRESHOLD a map is as likely too wide as too narrow
-BESIDE_M = 2.0  # of the shoulders, counted too
+CELL_M = (2.0, 0.1)  # along and across the road; fine across, for the edges
+EVEN_THRESHOLD = 0.5  # a map that is cut here instead of at FREE_THRESHOLD is as likely too wide as too narrow
+BESIDE_PAVEMENT_M = 2.0  # scored as well, on either side
 PLAN_CELL_M = 0.254
-# Calibration counts p in 20 equal bins between 0.01 and 0.99; cells beyond are trivial and have a bin at either end.
+# Calibration counts p in 20 equal bins between 0.01 and 0.99. Cells beyond are trivial and have a bin at either end.
 BIN_EDGES = np.r_[0.01, np.linspace(0, 1, 21)[1:-1], 0.99]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Truth:
-    """What is drivable: between `right` and `left` (n,) [m] at stations `s` (n,), on cells `d` (m,) across, in a road's frame.
+    """The drivable area of a zone on cells at stations `s` (n,) and offsets `d` (m,) of a road.
 
-    `points` (n m, 2) [m] are the cells' middles in the world.
+    It lies between the offsets `right` and `left` (n,) [m]. `points` (n m, 2) [m] are the cells' middles in the world.
     """
 
-    s: np.ndarray
-    d: np.ndarray
-    right: np.ndarray
-    left: np.ndarray
-    points: np.ndarray
+    s: FloatArray
+    d: FloatArray
+    right: FloatArray
+    left: FloatArray
+    points: FloatArray
 
     @property
-    def drivable(self) -> np.ndarray:
-        """Cells (n, m) that are drivable."""
+    def drivable(self) -> BoolArray:
+        """Which cells (n, m) are drivable."""
         return (self.d > self.right[:, None]) & (self.d < self.left[:, None])
 
     def row(self, model: LaneStructure) -> dict[str, object]:
-        """Figures of a model's map."""
+        """The figures of a model's map; `reliability` holds cells, sum of p and occupied cells by bin of p, as JSON."""
         p = self.p_occupied(model)
         free, known = p < FREE_THRESHOLD, p != UNKNOWN
         drivable = self.drivable
-        hit, either = int((free & drivable).sum()), int((free | drivable).sum())
-        rather = known & (p < EVEN)
-        occupied_there, sure = ~drivable[known], p[known]
-        counts = np.digitize(sure, BIN_EDGES)
-        sums = [np.bincount(counts, weights=w, minlength=len(BIN_EDGES) + 1) for w in (None, sure, occupied_there)]
+        intersection, union = int((free & drivable).sum()), int((free | drivable).sum())
+        rather_free = known & (p < EVEN_THRESHOLD)
+        truly_occupied, p_known = ~drivable[known], p[known]
+        bins = np.digitize(p_known, BIN_EDGES)
+        sums = [np.bincount(bins, weights=w, minlength=len(BIN_EDGES) + 1) for w in (None, p_known, truly_occupied)]
         return {
-            "precision": hit / max(int(free.sum()), 1),
-            "recall": hit / int(drivable.sum()),
-            "iou": hit / either,
-            "precision_even": float((rather & drivable).sum() / max(int(rather.sum()), 1)),
-            "iou_even": float((rather & drivable).sum() / (rather | drivable).sum()),
+            "precision": intersection / max(int(free.sum()), 1),
+            "recall": intersection / int(drivable.sum()),
+            "iou": intersection / union,
+            "precision_even": float((rather_free & drivable).sum() / max(int(rather_free.sum()), 1)),
+            "iou_even": float((rather_free & drivable).sum() / (rather_free | drivable).sum()),
             "edge_error_m": self._edge_error(p),
-            "brier": float(np.mean((sure - occupied_there) ** 2)),
-            "brier_binary": float(np.mean(~free[known] != occupied_there)),
+            "brier": float(np.mean((p_known - truly_occupied) ** 2)),
+            "brier_binary": float(np.mean(~free[known] != truly_occupied)),
             "reliability": json.dumps([np.round(part, 2).tolist() for part in sums]),
         }
 
-    def p_occupied(self, model: LaneStructure) -> np.ndarray:
+    def p_occupied(self, model: LaneStructure) -> FloatArray:
         """p(occupied) (n, m) that a model gives to the cells."""
         s, d = model.axis.to_sd(self.points)
         low, high = model.table.stations[[0, -1]]
@@ -74,18 +75,18 @@ class Truth:
         p[inside] = np.clip(occupied(model, s[inside], d[inside]), 0, 1)
         return p.reshape(len(self.s), len(self.d))
 
-    def _edge_error(self, p: np.ndarray) -> float:
-        """Median distance [m] of the outermost places that are rather free than not from the true edges."""
+    def _edge_error(self, p: FloatArray) -> float:
+        """Median distance [m] of the map's edges, the outermost cells with p below UNKNOWN, from the true edges."""
         rather_free = p < UNKNOWN
-        there = rather_free.any(axis=1)
+        has_edges = rather_free.any(axis=1)
         right = self.d[rather_free.argmax(axis=1)] - CELL_M[1] / 2
         left = self.d[len(self.d) - 1 - rather_free[:, ::-1].argmax(axis=1)] + CELL_M[1] / 2
-        misses = np.abs(np.concatenate([(right - self.right)[there], (left - self.left)[there]]))
+        misses = np.abs(np.concatenate([(right - self.right)[has_edges], (left - self.left)[has_edges]]))
         return float(np.median(misses)) if misses.size else float("nan")
 
 
-class Judge:
-    """The truth of one SUMO zone, and what a path planned on a map of it does."""
+class SumoZone:
+    """One SUMO zone by its name in `zones.ZONES`: its truth, the road before it, and paths planned on maps of it."""
 
     def __init__(self, zone: str) -> None:
         self.scenario = ZONES[zone]
@@ -97,15 +98,15 @@ class Judge:
         self.before = MapBefore(road=road, start=layout.start, end=layout.end)
 
     def never_driven(self, traces: pd.DataFrame) -> bool:
-        """Whether no vehicle drove in some lane that stays open, beside the work."""
+        """Whether there is a lane that stays open and that none of the traces drove in beside the work."""
         area, road = self.layout.area("activity area"), self.layout.road
         s, d = road.to_sd(traces[["x_m", "y_m"]].to_numpy())
-        there = (s > area.start) & (s < area.end)
+        beside_work = (s > area.start) & (s < area.end)
         through = [lane for lane in self.layout.lanes if lane.start <= 0 and lane.end >= road.length - 1e-6]
-        return any(not ((d > lane.right(s)) & (d < lane.left(s)) & there).any() for lane in through)
+        return any(not ((d > lane.right(s)) & (d < lane.left(s)) & beside_work).any() for lane in through)
 
     def planned(self, model: LaneStructure) -> dict[str, object]:
-        """What a path planned on the map, joined to the nominal lanes outside the zone, does in truth."""
+        """Status and true clearances of a path planned on a model's map, which is joined to the nominal lanes outside."""
         scenario = self.scenario
         fine = scenario.model_copy(update={"map": scenario.map.model_copy(update={"resolution_m": PLAN_CELL_M})})
         site = prepare_site(fine)
@@ -120,10 +121,10 @@ class Judge:
 
 
 def truth_of_generated(zone: GeneratedZone) -> Truth:
-    """The truth of a zone of the generator, from somewhat ahead of its first device to somewhat beyond its last."""
+    """The truth of a zone of the generator, from its first device to its last."""
     at = zone.stations
-    right, left = (edge(zone.edges(np.linspace(0, zone.length, 200))) for edge in (np.min, np.max))
-    s, d = _cells(at["taper"] - SCORED_BEYOND_M, at["end"] + SCORED_BEYOND_M, right=right, left=left)
+    right, left = (float(edge(zone.edges(np.linspace(0, zone.length, 200)))) for edge in (np.min, np.max))
+    s, d = _cells(at["taper"], at["end"], right=right, left=left)
     points = zone.to_xy(*(side.ravel() for side in np.meshgrid(s, d, indexing="ij")))
     edges = zone.edges(s)
     return Truth(s=s, d=d, right=edges[0], left=edges[1], points=points)
@@ -132,7 +133,8 @@ def truth_of_generated(zone: GeneratedZone) -> Truth:
 def calibration_errors(reliability: pd.Series) -> tuple[float, float]:
     """Expected calibration error over all known cells of some maps, and over those with 0.01 < p < 0.99.
 
-    Mean distance between what is said and what is so, over bins of p (Guo et al. 2017), each map counting alike.
+    `reliability` holds one `Truth.row` text a map. The error is the mean distance, over bins of p, between p and the share of
+    occupied cells (Guo et al. 2017); each map counts alike.
     """
     sums = np.array([json.loads(one) for one in reliability])
     sums = (sums / sums[:, :1].sum(axis=2, keepdims=True)).sum(axis=0)
@@ -140,7 +142,7 @@ def calibration_errors(reliability: pd.Series) -> tuple[float, float]:
     return float(gap.sum() / sums[0].sum()), float(gap[1:-1].sum() / max(sums[0][1:-1].sum(), 1e-12))
 
 
-def _cells(start: float, end: float, *, right: float, left: float) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of cells along and across, BESIDE_M beyond the right and left edge [m] of the road."""
+def _cells(start: float, end: float, *, right: float, left: float) -> tuple[FloatArray, FloatArray]:
+    """Middles (n,), (m,) [m] of cells along and across a road with edges at `right` and `left` [m]."""
     s = np.arange(start + CELL_M[0] / 2, end, CELL_M[0])
-    return s, np.arange(right - BESIDE_M, left + BESIDE_M, CELL_M[1]) + CELL_M[1] / 2
+    return s, np.arange(right - BESIDE_PAVEMENT_M, left + BESIDE_PAVEMENT_M, CELL_M[1]) + CELL_M[1] / 2
