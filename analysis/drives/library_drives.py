@@ -1,9 +1,10 @@
 """Is the drive safe in every zone of the library? Outcome, clearance and conflicts over scenarios, seeds, methods and speeds.
 
-python analysis/library_drives.py --first 61 --seeds 5 --traces 10 --speeds 10 zone --out results/library_drives
+    python analysis/drives/library_drives.py --first 61 --seeds 5 --traces 10 --speeds 10 zone --out results/library_drives
 
-"zone" is the posted speed. Rows are appended to rows.csv as they come, first all scenarios at one seed: a study that was
-stopped still has a whole table, and goes on where it was. `--table` prints the tables of docs/results/library_drives.md.
+The speed "zone" is the posted one. Appends rows to rows.csv in --out as they come, first all scenarios at one seed: a study
+that was stopped has a whole table, and goes on where it was. Simulated fleets are kept in OUT/fleets. `--table` prints tables
+by method and speed; docs/results/library_drives.md sums them up, and library_drives.csv there has the rows.
 """
 
 import argparse
@@ -24,20 +25,20 @@ from wzsumo.units import mps_from_mph
 
 LIBRARY = Path(__file__).parents[2] / "scenarios"
 PAPER_SPEED_MPS = 10.0
-KEPT = (
+KEPT_FIGURES = (
     "outcome", "reason", "plan_status", "plan_speed_mps", "precision", "recall", "iou", "plan_ms", "n_expansions",
     "path_length_m", "drive_time_s", "max_cross_track_m", "case_cpu_s",
 )  # fmt: skip
-# Column of the printed tables, outcome that it counts.
-COUNTED = {
+# Outcomes that a column of the printed tables counts.
+COUNTED_OUTCOMES = {
     "reached": ("REACHED_GOAL",),
     "struck a device": ("STRUCK_DEVICE",),
     "in closed area": ("ENTERED_CLOSED_AREA",),
     "collided": ("COLLIDED",),
     "other": ("LEFT_PAVEMENT", "NO_PATH", "TIMED_OUT", "REFUSED"),
 }
-# Column of the printed tables, column of rows.csv, and what is printed of several drives.
-SHOWN = {
+# Column of rows.csv that a column of the printed tables shows, and which drive of several: the worst or the median.
+SHOWN_FIGURES = {
     "clearance m": ("driven_min_clearance_devices_m", "min"),
     "TTC s": ("driven_min_ttc_s", "min"),
     "DRAC m/s2": ("driven_max_drac_mps2", "max"),
@@ -52,13 +53,15 @@ SHOWN = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenarios", nargs="+", default=sorted(path.stem for path in LIBRARY.glob("*.toml")))
-    parser.add_argument("--first", type=int, default=21)
-    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--first", type=int, default=21, help="first seed")
+    parser.add_argument("--seeds", type=int, default=1, help="number of seeds")
     parser.add_argument("--methods", nargs="+", default=["lanes", "swept"])
     parser.add_argument("--speeds", nargs="+", choices=["10", "zone"], default=["10"])
     parser.add_argument("--traces", type=int, help="number of traces used, instead of what each scenario says")
     parser.add_argument("--out", type=Path, default=Path("results/library_drives"))
-    parser.add_argument("--table", action="store_true", help="print the tables of what is there and drive no more")
+    parser.add_argument(
+        "--table", action="store_true", help="print the tables of the rows that there are, without further drives"
+    )
     args = parser.parse_args()
     if not args.table:
         for rows in missing_drives(args):
@@ -68,7 +71,7 @@ def main() -> None:
 
 
 def missing_drives(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
-    """The rows of each seed, scenario and method that rows.csv does not have, at all speeds: these share fleet and map."""
+    """The rows that rows.csv does not have, by seed, scenario and method: all speeds of these share fleet and map."""
     args.out.mkdir(parents=True, exist_ok=True)
     rows_file, done = args.out / "rows.csv", set()
     if rows_file.exists():
@@ -90,10 +93,10 @@ def missing_drives(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
 
 
 def at_speed(scenario: Scenario, speed: str, *, traces: int | None) -> Scenario:
-    """The scenario with the ego at a speed and with its map made of so many traces."""
+    """The scenario with the ego at a speed ("10" or "zone") and its map made of `traces` traces, None: as it says."""
     crowd = scenario.crowd if traces is None else scenario.crowd.model_copy(update={"used": traces})
     wanted = PAPER_SPEED_MPS if speed == "10" else mps_from_mph(scenario.work_zone.posted_speed_mph)
-    # The paper's controllers are made for its one speed.
+    # The paper's control laws know one speed, 10 m/s.
     laws = {} if speed == "10" else {"lateral": "regulated", "longitudinal": "tuned"}
     return scenario.model_copy(update={
         "crowd": crowd,
@@ -103,7 +106,7 @@ def at_speed(scenario: Scenario, speed: str, *, traces: int | None) -> Scenario:
 
 
 def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
-    """What is kept of each case; the simulation of its fleet, which methods and speeds share, is kept in a folder."""
+    """The kept figures of each case; the simulated fleet, which methods and speeds share, is kept in the folder `fleets`."""
     fleet = fleets / f"{cases[0].simulation}.parquet"
     if not fleet.exists():
         write_whole(fleet, simulate(cases[0].scenario))
@@ -112,7 +115,7 @@ def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
     except InputError as error:
         rows = [{"status": "REFUSED", "reason": str(error)} for _ in cases]
     return [
-        {name: row.get(name) for name in KEPT}
+        {name: row.get(name) for name in KEPT_FIGURES}
         | {name: value for name, value in row.items() if name.startswith(("planned_", "driven_"))}
         | ({} if row["status"] == "DONE" else {"outcome": row["status"]})
         for row in rows
@@ -120,13 +123,14 @@ def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
 
 
 def print_tables(table: pd.DataFrame) -> None:
-    """Markdown: a table of each method and speed with the worst drive of each scenario, or the median one, then what failed."""
+    """Print Markdown: a table of each method and speed, a line a scenario, then the drives that did not reach the goal."""
     for (method, speed), part in table.groupby(["method", "speed"]):
         print(f"\n**{method}, {'10 m/s' if speed == '10' else 'posted speed'}**\n")
-        print(f"| scenario | n | {' | '.join([*COUNTED, *SHOWN])} |\n|---|{'---:|' * (1 + len(COUNTED) + len(SHOWN))}")
+        columns = [*COUNTED_OUTCOMES, *SHOWN_FIGURES]
+        print(f"| scenario | n | {' | '.join(columns)} |\n|---|{'---:|' * (1 + len(columns))}")
         for name, drives in [*part.groupby("scenario"), ("all", part)]:
-            counts = [str(drives["outcome"].isin(outcomes).sum()) for outcomes in COUNTED.values()]
-            shown = [f"{drives[column].agg(which):.2f}" for column, which in SHOWN.values()]
+            counts = [str(drives["outcome"].isin(outcomes).sum()) for outcomes in COUNTED_OUTCOMES.values()]
+            shown = [f"{drives[column].agg(which):.2f}" for column, which in SHOWN_FIGURES.values()]
             print(f"| {name} | {' | '.join([str(len(drives)), *counts, *shown])} |")
     for row in table[table["outcome"] != "REACHED_GOAL"].itertuples():
         print(f"\n- {row.scenario}, {row.method}, {row.speed}, seed {row.seed}: {row.outcome}, {row.reason}")

@@ -1,6 +1,9 @@
-"""The paper's case over several seeds: map quality, clearance and outcome with 95 % intervals.
+"""The paper's case over several seeds: map quality, clearance and outcome with 95 % intervals over seeds.
 
-python analysis/paper_case_seeds.py --first 11 --seeds 10 --out results/paper_seeds
+    python analysis/drives/paper_case_seeds.py --first 11 --seeds 10 --out results/paper_seeds
+
+Writes into --out a result folder a seed (seed_N) and seeds.csv, one row a seed and method; prints means and intervals.
+docs/results/paper_case.md has them.
 """
 
 import argparse
@@ -13,6 +16,7 @@ from scipy.stats import bootstrap
 
 from wzsumo.case.case import quiet_progress, run_case
 from wzsumo.files.output import staged_folder
+from wzsumo.frames import FloatArray
 from wzsumo.scenario.scenario import load_scenario
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "paper.toml"
@@ -20,9 +24,9 @@ FIGURES = ("precision", "recall", "iou", "min_clearance_devices_m", "min_clearan
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--first", type=int, default=11, help="seeds 1-10 were looked at while the toolkit was built")
-    parser.add_argument("--seeds", type=int, default=10)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--first", type=int, default=11, help="first seed; 1-10 are development seeds")
+    parser.add_argument("--seeds", type=int, default=10, help="number of seeds")
     parser.add_argument("--methods", nargs="+", default=["swept", "lanes"])
     parser.add_argument("--out", type=Path, default=Path("results/paper_seeds"))
     args = parser.parse_args()
@@ -36,7 +40,8 @@ def main() -> None:
             print(rows[-1], file=sys.stderr)
     table = pd.DataFrame(rows)
     table.to_csv(args.out / "seeds.csv", index=False)
-    for method, part in table.groupby("method"):
+    for method in sorted(table["method"].unique()):
+        part = table[table["method"] == method]
         print(f"\n{method}, n = {len(part)} seeds: {part['outcome'].value_counts().to_dict()}")
         for name in FIGURES:
             values = part[name].dropna().to_numpy(dtype=float)
@@ -44,7 +49,8 @@ def main() -> None:
             print(f"  {name:<28} mean {values.mean():.3f}  95 % {_interval(values)}  {spread}")
 
 
-def _interval(values: np.ndarray) -> str:
+def _interval(values: FloatArray) -> str:
+    """95 % bootstrap interval of the mean."""
     if len(values) < 2 or np.ptp(values) == 0:
         return "-"
     low, high = bootstrap((values,), np.mean, rng=np.random.default_rng(0)).confidence_interval

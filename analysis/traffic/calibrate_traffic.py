@@ -1,42 +1,44 @@
-"""Queue discharge of simulated work zones beside the Highway Capacity Manual's, zone class by zone class.
+"""Queue discharge of simulated work zones beside the Highway Capacity Manual's, class by class of zones.
 
-    python analysis/calibrate_traffic.py measure --first 301 --seeds 10
-    python analysis/calibrate_traffic.py measure 2_to_1_urban --trucks 0 --first 101 --drivers tau_s=1.6 accel_mps2=1.2
-    python analysis/calibrate_traffic.py table
+    python analysis/traffic/calibrate_traffic.py measure --first 301 --seeds 10
+    python analysis/traffic/calibrate_traffic.py measure 2_to_1_urban --trucks 0 --first 101 --drivers tau_s=1.6 accel_mps2=1.2
+    python analysis/traffic/calibrate_traffic.py table
 
-`measure` adds a row a run to the CSV file, seed after seed over all classes; a run that the file has is not repeated. Without
---drivers it measures those that `drivers = "hcm"` stands for. `discharge_runs.py` says what a run is.
+`measure` adds a row a run to the CSV file --out, seed after seed over all classes; a run that the file has is not repeated. It
+takes the drivers of `drivers = "hcm"`, with the keys of --drivers changed. `table` prints the table of
+docs/results/traffic_calibration.md. `discharge_runs.py` says what a run is.
 """
 
 import argparse
 import csv
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from discharge_runs import APPROACH_FT, CLASSES, flows_of, measure
+from discharge_runs import APPROACH_FT, ZONE_CLASSES, flows_of, measure
 from scipy.stats import t as student
 
 from wzsumo.capacity import QUEUE_DISCHARGE_DROP
 from wzsumo.simulation.drivers import DRIVER_PRESETS, DriverSpec
 
 TRUCK_SHARES = (0.0, 0.1)
-KEPT = ("tau_s", "accel_mps2", "truck_tau_s", "truck_accel_mps2", "sigma", "lc_assertive", "lc_lookahead_left")
+DRIVER_KEYS = ("tau_s", "accel_mps2", "truck_tau_s", "truck_accel_mps2", "sigma", "lc_assertive", "lc_lookahead_left")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/calibration/discharge.csv"))
+    parser.add_argument("--out", type=Path, default=Path("results/calibration/discharge.csv"), help="the CSV file of runs")
     commands = parser.add_subparsers(dest="command", required=True)
-    measuring = commands.add_parser("measure")
-    measuring.add_argument("classes", nargs="*", default=CLASSES, help=", ".join(CLASSES))
-    measuring.add_argument("--trucks", type=float, nargs="+", default=list(TRUCK_SHARES))
-    measuring.add_argument("--first", type=int, default=301)
-    measuring.add_argument("--seeds", type=int, default=10)
-    measuring.add_argument("--drivers", nargs="+", default=[], metavar="KEY=VALUE", help="keys of drivers that differ")
-    measuring.add_argument("--approach-ft", type=float, help="from the road's start to the first device")
-    commands.add_parser("table")
+    measuring = commands.add_parser("measure", help="run what the CSV file does not have")
+    measuring.add_argument("classes", nargs="*", default=ZONE_CLASSES, help=", ".join(ZONE_CLASSES))
+    measuring.add_argument("--trucks", type=float, nargs="+", default=list(TRUCK_SHARES), help="shares of trucks")
+    measuring.add_argument("--first", type=int, default=301, help="first seed")
+    measuring.add_argument("--seeds", type=int, default=10, help="number of seeds")
+    measuring.add_argument("--drivers", nargs="+", default=[], metavar="KEY=VALUE", help="keys of the drivers that are changed")
+    measuring.add_argument("--approach-ft", type=float, help="length of road ahead of the first device")
+    commands.add_parser("table", help="print the table of the CSV file")
     args = parser.parse_args()
     if args.command == "table":
         print(discharge_table(pd.read_csv(args.out)))
@@ -51,8 +53,9 @@ def main() -> None:
 
 
 def measure_once(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, approach_ft: float, out: Path) -> None:
-    case = {"zone_class": zone_class, "trucks": trucks, "seed": seed, "approach_ft": approach_ft}
-    case |= {key: getattr(drivers, key) for key in KEPT}
+    """Run one case and append its row to `out`, unless the file has it."""
+    case: dict[str, Any] = {"zone_class": zone_class, "trucks": trucks, "seed": seed, "approach_ft": approach_ft}
+    case |= {key: getattr(drivers, key) for key in DRIVER_KEYS}
     if is_done(case, out):
         return
     row = case | measure(zone_class, trucks=trucks, drivers=drivers, seed=seed, approach_ft=approach_ft)
@@ -61,14 +64,16 @@ def measure_once(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: i
     print(zone_class, trucks, seed, {key: round(value, 3) for key, value in flows.items()}, row["cpu_s"], file=sys.stderr)
 
 
-def is_done(case: dict, path: Path) -> bool:
+def is_done(case: dict[str, Any], path: Path) -> bool:
+    """Whether the file has a row of this case."""
     if not path.exists():
         return False
     with path.open(newline="") as file:
         return any(all(row[key] == str(value) for key, value in case.items()) for row in csv.DictReader(file))
 
 
-def append_row(row: dict, path: Path) -> None:
+def append_row(row: dict[str, Any], path: Path) -> None:
+    """Append a row, with a header where the file is new."""
     path.parent.mkdir(parents=True, exist_ok=True)
     new = not path.exists()
     with path.open("a", newline="") as file:
@@ -79,7 +84,7 @@ def append_row(row: dict, path: Path) -> None:
 
 
 def discharge_table(rows: pd.DataFrame) -> str:
-    """Markdown by zone class and truck share: target, mean [95 %, Student] or both runs, per cent off, capacity, drop."""
+    """Markdown, a line a zone class and truck share: target, mean [95 %, Student], per cent off, capacity, drop."""
     rows = rows.sort_values(["zone_class", "trucks", "seed"], key=_by_class, ignore_index=True)
     columns = ["zone_class", "trucks", "counts", "speeds_mps"]
     flows = pd.DataFrame([flows_of(zone, trucks=p, counts=n, speeds_mps=v) for zone, p, n, v in rows[columns].to_numpy()])
@@ -88,7 +93,8 @@ def discharge_table(rows: pd.DataFrame) -> str:
         "|---|---|---|---|---|---|---|---|---|",
     ]
     table = pd.concat([rows[["zone_class", "trucks", "emergency_stops"]], flows], axis="columns")
-    for (zone_class, trucks), part in table.groupby(["zone_class", "trucks"], sort=False):
+    for zone_class, trucks in table[["zone_class", "trucks"]].drop_duplicates().itertuples(index=False):
+        part = table[(table["zone_class"] == zone_class) & (table["trucks"] == trucks)]
         both = part.dropna(subset=["discharge", "capacity"])
         capacity = both["capacity"].mean()
         lines.append(
@@ -104,10 +110,11 @@ def discharge_table(rows: pd.DataFrame) -> str:
 
 
 def _by_class(column: pd.Series) -> pd.Series:
-    return column.map(CLASSES.index) if column.name == "zone_class" else column
+    return column.map(ZONE_CLASSES.index) if column.name == "zone_class" else column
 
 
 def _mean_with_interval(values: pd.Series) -> str:
+    """The mean and its 95 % interval of three values or more, else the values themselves."""
     if len(values) < 3:
         return " and ".join(f"{value:.0f}" for value in values)
     half = student.ppf(0.975, len(values) - 1) * values.std() / np.sqrt(len(values))

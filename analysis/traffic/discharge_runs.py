@@ -1,13 +1,14 @@
 """One run of a work zone until a queue has discharged for 15 minutes: `calibrate_traffic.py` repeats it over classes and seeds.
 
 The zone is the toolkit's own (12 ft lanes, cones on the lane line, 60 mph, by day), with the toolkit's network and drivers, at
-0.1 s and with sublanes of 0.45 m. Its road is as short as the measurement bears: a queue that reaches the road's start waits
-outside, and all that matters is that it fills the road ahead of the merging lane.
+0.1 s and with sublanes of 0.45 m. Its road is short: a queue that reaches the road's start waits outside, and its discharge
+does not depend on that as long as it fills the road ahead of the closing lane.
 """
 
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -27,21 +28,21 @@ from wzsumo.work_zone import WorkZone, WorkZoneLayout
 
 SPEED_MPH = 60.0
 LANES = {"2_to_1": (2, (1,)), "3_to_2": (3, (2,)), "3_to_1": (3, (2, 1))}
-CLASSES = tuple(f"{lanes}_{area}" for lanes in LANES for area in ("urban", "rural"))
-# Demand as a share of the HCM's capacity from these times [s] on: it rises so slowly that the 15 minutes before the breakdown
-# tell the capacity, and ends far above it, so that whoever has not broken down does.
-RAMP = ((0.0, 0.85), (480.0, 0.9), (960.0, 0.95), (1440.0, 1.0), (1920.0, 1.05), (2400.0, 1.1), (2880.0, 1.25))
+ZONE_CLASSES = tuple(f"{lanes}_{area}" for lanes in LANES for area in ("urban", "rural"))
+# Demand as a share of the HCM's capacity from these times [s] on. It rises so slowly that the 15 minutes before the breakdown
+# tell the capacity, and it ends so far above it that every run breaks down.
+DEMAND_RAMP = ((0.0, 0.85), (480.0, 0.9), (960.0, 0.95), (1440.0, 1.0), (1920.0, 1.05), (2400.0, 1.1), (2880.0, 1.25))
 LONGEST_MIN = 80
-DISCHARGE_MIN = 15  # that count, once a queue has stood for 8: the HCM means 15-minute flows
-UPSTREAM_M = 320.0  # of the closing lane's end, where a queue is looked for
-# From the road's start to the first device; two lanes that close have two tapers and a tangent after that.
+DISCHARGE_MIN = 15  # minutes that are counted, once a queue has stood for 8: the HCM means 15-minute flows
+UPSTREAM_M = 320.0  # ahead of the closing lane's end, where a queue is looked for
+# From the road's start to the first device. Where two lanes close, two tapers and a tangent follow, so less is enough.
 APPROACH_FT = {"2_to_1": 1600.0, "3_to_2": 1600.0, "3_to_1": 1000.0}
 BEYOND_FT = 300.0  # from the last device to the road's end
 MINUTE_S = 60.0
 
 
 def hcm(zone_class: str, *, trucks: float) -> ZoneCapacity:
-    """What the HCM makes of a class: "2_to_1_urban" and the like."""
+    """The HCM's figures for a class of zones, such as "2_to_1_urban"."""
     total, closed = LANES[zone_class[:6]]
     site = SiteSpec(area=zone_class.rsplit("_", 1)[1])
     return zone_capacity(
@@ -49,11 +50,11 @@ def hcm(zone_class: str, *, trucks: float) -> ZoneCapacity:
     )
 
 
-def measure(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, approach_ft: float) -> dict:
-    """One run: passenger cars past the work and speed upstream minute by minute, and what SUMO counted."""
+def measure(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, approach_ft: float) -> dict[str, Any]:
+    """One run: passenger cars past the work and speed upstream minute by minute, CPU seconds, and what SUMO counted."""
     target = hcm(zone_class, trucks=trucks)
     demand = DemandSpec(
-        flow_profile=tuple((time, share * target.capacity_all_lanes_vph) for time, share in RAMP),
+        flow_profile=tuple((time, share * target.capacity_all_lanes_vph) for time, share in DEMAND_RAMP),
         truck_share=trucks, drivers=drivers, duration_s=LONGEST_MIN * MINUTE_S,
     )  # fmt: skip
     layout = lay_out_class(zone_class, approach_ft=approach_ft)
@@ -69,7 +70,7 @@ def measure(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, a
 
 
 def flows_of(zone_class: str, *, trucks: float, counts: str, speeds_mps: str) -> dict[str, float]:
-    """Target, discharge and capacity [pc/h/lane] of a run that `measure` made, its drop, and how far off its discharge is."""
+    """Target, discharge and capacity [pc/h/lane] of a run of `measure`, its drop, and how far it is off the target."""
     target = hcm(zone_class, trucks=trucks)
     minutes = pd.DataFrame({"count_pc": _numbers(counts), "upstream_speed_mps": _numbers(speeds_mps)})
     found = discharge_of(minutes)
@@ -86,7 +87,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def lay_out_class(zone_class: str, *, approach_ft: float) -> WorkZoneLayout:
-    """A zone of that class whose road ends soon behind it."""
+    """A zone of a class on a road that ends soon behind it."""
     total, closed = LANES[zone_class[:6]]
     zone = WorkZone(
         posted_speed_mph=SPEED_MPH, start_ft=approach_ft, closed_lanes=closed, closed_shoulder="left", work_length_ft=200
@@ -104,7 +105,7 @@ def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tu
     folder = files.config.parent
     names = write_loops(files, stations_of_loops(files, layout), folder / "loops.add.xml")
     vehicles = ET.parse(folder / "zone.rou.xml").iter("vehicle")  # noqa: S314 our own file
-    trucks = {vehicle.get("id") for vehicle in vehicles if "truck" in vehicle.get("type")}
+    trucks = {vehicle.get("id") for vehicle in vehicles if "truck" in vehicle.get("type", "")}
     options = ("--additional-files", str(folder / "loops.add.xml"), "--statistic-output", str(folder / "statistics.xml"))
     traci.start([str(sumo_binary("sumo")), "-c", str(files.config), *options, "--no-warnings"])
     api, rows = traci.inductionloop, []
@@ -123,6 +124,7 @@ def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tu
 
 
 def discharge_of(minutes: pd.DataFrame) -> Discharge:
+    """Breakdown, capacity and queue discharge of a run's minutes."""
     return bottleneck_discharge(minutes["count_pc"], minutes["upstream_speed_mps"], free_speed=mps_from_mph(SPEED_MPH))
 
 
@@ -135,7 +137,7 @@ def stations_of_loops(files: SumoFiles, layout: WorkZoneLayout) -> dict[str, flo
 
 
 def write_loops(files: SumoFiles, stations: dict[str, float], path: Path) -> dict[str, list[str]]:
-    """Write an induction loop a lane at each station; their names."""
+    """Write an induction loop a lane at each station; returns their names by station."""
     root, names = ET.Element("additional"), {}
     for name, station in stations.items():
         edge = next(edge for edge in files.edges if edge.start <= station < edge.end)
@@ -148,14 +150,16 @@ def write_loops(files: SumoFiles, stations: dict[str, float], path: Path) -> dic
 
 
 def read_statistics(path: Path) -> dict[str, int]:
+    """Vehicles, teleports and emergency manoeuvres that SUMO counted."""
     root = ET.parse(path).getroot()  # noqa: S314 SUMO's own file
     wanted = {
         "inserted": ("vehicles", "inserted"), "waiting": ("vehicles", "waiting"), "teleports": ("teleports", "total"),
         "emergency_stops": ("safety", "emergencyStops"), "emergency_braking": ("safety", "emergencyBraking"),
     }  # fmt: skip
-    return {key: int(root.find(tag).get(name)) for key, (tag, name) in wanted.items()}
+    return {key: int(root.findall(tag)[0].attrib[name]) for key, (tag, name) in wanted.items()}
 
 
 def cpu_seconds() -> float:
+    """CPU time [s] of this process and of those that it waited for."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system

@@ -1,10 +1,10 @@
 """The traffic of every zone of the library, one run each: who touches a device or another vehicle, and where drivers merge.
 
-    python analysis/library_traffic.py --seed 81 [--scenarios paper right_lane] [--times 3]
+    python analysis/traffic/library_traffic.py --seed 81 [--scenarios paper right_lane] [--times 3]
 
-Prints a Markdown table. Contact and closed areas are from outlines at every step. SUMO's own collisions (bumper to bumper, its
-minimum gap left out) and teleports are from a second run of the same files. The CPU seconds of the files are those of network,
-netconvert and demand.
+Prints a Markdown table; docs/results/library_traffic.md has it. Contact and closed areas are from outlines at every step.
+SUMO's own collisions (bumper to bumper, its minimum gap left out) and teleports are from a second run of the same files. The
+CPU seconds of the files are those of network, netconvert and demand.
 """
 
 import argparse
@@ -31,7 +31,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=81)
     parser.add_argument(
-        "--times", type=float, default=1.0, help="of the scenarios' own demand (1); 3: a queue wherever a lane closes"
+        "--times",
+        type=float,
+        default=1.0,
+        help="factor on the scenarios' own demand (default 1); with 3 a queue stands wherever a lane closes",
     )
     parser.add_argument("--scenarios", nargs="+", default=sorted(path.stem for path in LIBRARY.glob("*.toml")))
     args = parser.parse_args()
@@ -41,7 +44,7 @@ def main() -> None:
 
 
 def row_of(name: str, *, seed: int, times: float) -> list[str]:
-    """The cells of one zone, in the order of HEADINGS; with so many `times` its scenario's demand."""
+    """The table cells of one zone, in the order of HEADINGS, with `times` its scenario's demand."""
     scenario = load_scenario(LIBRARY / f"{name}.toml", seed=seed)
     layout, simulation = scenario.layout(), scenario.zone_simulation()
     demand = simulation.demand.model_copy(update={"flow_vph": times * simulation.demand.flow_vph})
@@ -64,6 +67,7 @@ def row_of(name: str, *, seed: int, times: float) -> list[str]:
 
 
 def merge_quantiles(fleet: FleetSummary) -> str:
+    """Where 10, 50 and 90 % of the vehicles of closing lanes have merged [m]; empty where no lane closes."""
     return ", ".join(f"{fleet.merge_position_m[key]:.0f}" for key in ("q10", "q50", "q90")) if fleet.merge_position_m else ""
 
 
@@ -73,10 +77,12 @@ def sumo_statistics(files: SumoFiles) -> tuple[int, int]:
     counting = ("--collision.action", "warn", "--collision.mingap-factor", "0", "--statistic-output", str(path))
     run_to_end(files, options=counting, on_second=lambda _: None)
     root = ET.parse(path).getroot()  # noqa: S314 SUMO's own file
-    return int(root.find("safety").get("collisions")), int(root.find("teleports").get("total"))
+    safety, teleports = root.findall("safety")[0], root.findall("teleports")[0]
+    return int(safety.attrib["collisions"]), int(teleports.attrib["total"])
 
 
 def cpu_seconds() -> float:
+    """CPU time [s] of this process and of those that it waited for."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
 

@@ -1,12 +1,13 @@
 """Do automated vehicles become moving bottlenecks? Throughput and delay with 0, 5, 20 and 50 % of them, at two speeds.
 
-python analysis/moving_bottleneck.py --scenario scenarios/paper.toml --first 91 --seeds 3 --out results/moving_bottleneck
+    python analysis/traffic/moving_bottleneck.py --first 91 --seeds 3 [--scenario scenarios/paper.toml] [--out FOLDER]
 
-An automated vehicle drives like all others up to the announced zone; between its first and last device it goes no faster than
-the speed that is studied (Chen, Luo & Feng 2022 drive 10 m/s). SUMO counts no delay against a limit that a vehicle has of its
-own, so it is the other drivers' delay that is compared. Who is automated is a nested hash of the vehicle's id. Arrivals are
-Poisson: a quarter of an hour of 1,500 veh/h brings 375 vehicles give or take 19, so the figure shows how many arrived. Rows are
-appended as they come: a run that was stopped goes on where it was.
+An automated vehicle drives like all others up to the announced zone. Between the zone's first and last device it goes no faster
+than the speed that is studied (Chen, Luo & Feng 2022 drive 10 m/s). SUMO counts no delay against a limit that a vehicle has of
+its own, so the other drivers' delay is compared. A nested hash of their ids decides which vehicles are automated. Arrivals are
+Poisson: a quarter of an hour of 1,500 veh/h brings 375 vehicles give or take 19, so the figure shows how many arrived.
+Writes into --out: rows.csv, one row a run, as they come (a study that was stopped goes on where it was), and
+moving_bottleneck.png; prints means and standard deviations over the seeds.
 """
 
 import argparse
@@ -28,14 +29,14 @@ from wzsumo.units import mps_from_mph
 SHARES = (0.0, 0.05, 0.2, 0.5)
 PAPER_SPEED_MPS = 10.0
 WARM_UP_S = 180.0
-COLOURS = ("#0072B2", "#D55E00")  # Okabe & Ito
+COLOURS = ("#0072B2", "#D55E00")  # Okabe & Ito 2008
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", type=Path, default=Path(__file__).parents[2] / "scenarios" / "paper.toml")
-    parser.add_argument("--first", type=int, default=91)
-    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=91, help="first seed")
+    parser.add_argument("--seeds", type=int, default=3, help="number of seeds")
     parser.add_argument("--out", type=Path, default=Path("results/moving_bottleneck"))
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
@@ -60,13 +61,16 @@ def main() -> None:
 
 
 def run(scenario: Scenario, *, share: float, speed: float) -> dict[str, float]:
-    """Throughput behind the activity area and mean delay of one simulation, the wait to enter the road included."""
+    """Throughput behind the activity area and mean delays of one simulation, the wait to enter the road included."""
     layout = scenario.layout()
     end = layout.area("activity area").end
     with tempfile.TemporaryDirectory() as folder:
         files = write_sumo_files(layout, Path(folder), spec=scenario.zone_simulation(), seed=scenario.seed)
         trips = Path(folder) / "trips.xml"
-        passed, behind, automated, limited = 0, set(), set(), set()
+        n_passed = 0
+        behind: set[str] = set()
+        automated: set[str] = set()
+        limited: set[str] = set()
         with running(files.config, options=("--tripinfo-output", str(trips), *TRIP_OPTIONS)) as session:
             while session.time < files.duration:
                 session.step()
@@ -82,13 +86,13 @@ def run(scenario: Scenario, *, share: float, speed: float) -> dict[str, float]:
                         (limited.add if inside else limited.discard)(name)
                     if place > end and name not in behind:
                         behind.add(name)
-                        passed += session.time > WARM_UP_S
+                        n_passed += session.time > WARM_UP_S
         table = read_trips(trips)
     delay = table["time_loss_s"] + table["departure_delay_s"]
     human = ~table["vehicle_id"].isin(automated)
     return {
         "arrivals_vph": 3600 * len(table) / files.duration,
-        "throughput_vph": 3600 * passed / (files.duration - WARM_UP_S),
+        "throughput_vph": 3600 * n_passed / (files.duration - WARM_UP_S),
         "mean_delay_s": float(delay.mean()),
         "mean_delay_human_s": float(delay[human].mean()),
         "n_arrived": int(table["arrived"].sum()),
@@ -96,6 +100,7 @@ def run(scenario: Scenario, *, share: float, speed: float) -> dict[str, float]:
 
 
 def draw(table: pd.DataFrame) -> Figure:
+    """Throughput and the other drivers' delay over the share of automated vehicles: mean and range over the seeds."""
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     for axes, column, label in zip(
         figure.subplots(1, 2),
@@ -104,14 +109,15 @@ def draw(table: pd.DataFrame) -> Figure:
         strict=True,
     ):
         base = table[table["share"] == 0]
-        for colour, (speed, part) in zip(COLOURS, table[table["share"] > 0].groupby("speed_mps"), strict=False):
+        for colour, (key, part) in zip(COLOURS, table[table["share"] > 0].groupby("speed_mps"), strict=False):
+            speed = float(str(key))
             means = pd.concat([base, part]).groupby("share")[column].agg(["mean", "min", "max"])
             axes.plot(
                 100 * means.index,
                 means["mean"],
                 "o-",
                 color=colour,
-                label=f"{speed:.1f} m/s ({speed / 0.44704:.0f} mph) in the zone",
+                label=f"{speed:.1f} m/s ({speed / mps_from_mph(1):.0f} mph) in the zone",
             )
             axes.fill_between(100 * means.index, means["min"], means["max"], color=colour, alpha=0.2, linewidth=0)
         axes.set(xlabel="automated vehicles [%]", ylabel=label, ylim=(0, None))
