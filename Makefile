@@ -1,7 +1,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup scenario baselines sweep report test bench clean
+.PHONY: help setup scenario baselines sweep report test mutants bench lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -30,14 +30,25 @@ sweep: setup  ## run a study of some two minutes into results/how_many_traces; a
 report: setup  ## tables, figures and report.html of that study
 	$(BIN)/wzsumo report results/how_many_traces
 
-test: setup  ## lint, types and tests; stops at the first stage that fails
-	$(BIN)/ruff check . >&2
-	$(BIN)/ruff format --check . >&2
-	$(BIN)/mypy >&2
-	$(ONE_THREAD) $(BIN)/pytest -n 2
+test: setup  ## lint, types and tests; stops at the first stage that fails and names it
+	@run() { echo "== $$*" >&2; "$$@" || { code=$$?; echo "make test: $$1 failed (exit code $$code)" >&2; exit $$code; }; }; \
+	run $(BIN)/ruff check . >&2; \
+	run $(BIN)/ruff format --check . >&2; \
+	run $(BIN)/mypy >&2; \
+	export $(ONE_THREAD); run $(BIN)/pytest -n 2
+
+FOLDER ?= wzsumo/behaviour
+mutants: setup  ## share of small changes of FOLDER's code that its tests notice: FOLDER=wzsumo/mutcd [SAMPLE=100] [TESTS=tests/case] [JOBS=2]
+	@$(ONE_THREAD) $(BIN)/python .ci/mutants.py $(FOLDER) $(if $(SAMPLE),--sample $(SAMPLE)) \
+		$(if $(TESTS),--tests $(TESTS)) $(if $(JOBS),--jobs $(JOBS))
 
 bench: setup  ## run every benchmark, one after the other
 	@for script in analysis/benchmarks/*.py; do echo "== $$script" >&2; $(BIN)/python "$$script"; done
+
+lock: setup  ## resolve the packages of pyproject.toml anew into requirements.lock, with hashes; what still fits keeps its version
+	@python3 -m venv $(VENV)/lock && $(VENV)/lock/bin/pip --quiet --disable-pip-version-check install uv
+	$(VENV)/lock/bin/uv --quiet pip compile pyproject.toml --group dev --universal --python-version 3.11 \
+		--generate-hashes --no-header --no-annotate --output-file requirements.lock
 
 clean:  ## remove .venv, results and caches
 	rm -rf $(VENV) results .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
