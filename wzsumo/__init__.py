@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from wzsumo.vehicle import VehicleGeometry
     from wzsumo.work_zone import WorkZone, WorkZoneLayout
 
-__version__ = "0.1.0"
+    __version__: str
+
 __all__ = [
     "EgoRun",
     "InputError",
@@ -76,6 +77,10 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version(__name__)
     for module, names in _HOMES.items():
         if name in names:
             return getattr(import_module(f"{__name__}.{module}"), name)
