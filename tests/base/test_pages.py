@@ -46,6 +46,13 @@ def test_no_page_tells_how_it_came_about(page: Path) -> None:
     assert [phrase for phrase in DIARY if re.search(phrase, text)] == []
 
 
+@every_page
+def test_what_is_to_be_measured_again_is_marked_with_one_of_two_phrases(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    marked = re.findall(r"\*\*Not yet measured on the present (?:traffic|code)\.\*\*", text)
+    assert len(re.findall(r"not\s+yet\s+measured\s+on", text, flags=re.IGNORECASE)) == len(marked)
+
+
 def test_table_of_the_calibration_page_is_that_of_its_csv() -> None:
     results = ROOT / "docs" / "results"
     script = ROOT / "analysis" / "traffic" / "calibrate_traffic.py"
