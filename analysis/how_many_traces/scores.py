@@ -9,9 +9,9 @@ from generator import GeneratedZone
 from zones import ZONES
 
 from wzsumo.case.guides import nominal_guide
-from wzsumo.crowd_mapping.belief import belief, occupied
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
 from wzsumo.crowd_mapping.lane_model import LaneStructure
+from wzsumo.crowd_mapping.occupancy import occupancy_grid, p_occupied
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import FREE_THRESHOLD, UNKNOWN
 from wzsumo.metrics.clearance import clearance_along
@@ -72,7 +72,7 @@ class Truth:
         low, high = model.table.stations[[0, -1]]
         inside = (s >= low) & (s <= high)
         p = np.full(len(s), UNKNOWN)
-        p[inside] = np.clip(occupied(model, s[inside], d[inside]), 0, 1)
+        p[inside] = np.clip(p_occupied(model, s[inside], d[inside]), 0, 1)
         return p.reshape(len(self.s), len(self.d))
 
     def _edge_error(self, p: FloatArray) -> float:
@@ -110,7 +110,7 @@ class SumoZone:
         scenario = self.scenario
         fine = scenario.model_copy(update={"map": scenario.map.model_copy(update={"resolution_m": PLAN_CELL_M})})
         site = prepare_site(fine)
-        learned = belief(model, site.cells)
+        learned = occupancy_grid(model, site.cells)
         grid = learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
         plan = plan_path(
             grid, start=site.start, goal=site.goal, vehicle=fine.vehicle, spec=fine.planner, guide=nominal_guide(site)

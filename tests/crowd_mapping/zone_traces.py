@@ -1,4 +1,4 @@
-"""Synthetic traces through work zones, two families: drivers on a MUTCD layout, and free curves with a drifting error."""
+"""Synthetic traces of drivers through work zones that are laid out by the MUTCD, and the truth beside them."""
 
 from dataclasses import dataclass
 
@@ -6,15 +6,16 @@ import numpy as np
 import pandas as pd
 from shapely.geometry.base import BaseGeometry
 
+from wzsumo.frames import FloatArray
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.road import Bend, Road, RoadSpec
+from wzsumo.road import Bend, RoadSpec
 from wzsumo.sensing.gnss import GnssSpec, report
 from wzsumo.work_zone import WorkZone, WorkZoneLayout
 
 
 @dataclass(frozen=True, kw_only=True)
 class Zone:
-    """True traces of a fleet through a zone, and the truth."""
+    """True traces of a fleet through a zone, the area that is drivable, and the stations [m] of its first and last device."""
 
     traces: pd.DataFrame
     drivable: BaseGeometry
@@ -23,35 +24,26 @@ class Zone:
     end: float
 
 
-def smooth_step(t):
-    t = np.clip(t, 0, 1)
-    return t * t * (3 - 2 * t)
-
-
-def zone_layout(*, lanes=2, closed=(1,), bend=False, shift_ft=10.0, tangent_ft=None, width_ft=12.0, speed_mph=60.0):
+def zone_layout(
+    *, lanes: int = 2, closed: tuple[int, ...] = (1,), bend: bool = False, shift_ft: float = 10.0
+) -> WorkZoneLayout:
+    """The layout of a zone of 60 mph on lanes of 12 ft, straight or with a bend to the left of 3500 ft."""
     alignment = (
         (Bend(length_ft=1500), Bend(length_ft=700, end_radius_ft=3500), Bend(length_ft=4800, radius_ft=3500))
         if bend
         else (Bend(length_ft=7000),)
     )
-    road = RoadSpec(
-        lane_count=lanes, lane_width_ft=width_ft, left_shoulder_ft=10, right_shoulder_ft=12, alignment=alignment
-    ).build()
-    zone = WorkZone(
-        posted_speed_mph=speed_mph,
-        start_ft=1300,
-        closed_lanes=closed,
-        shift_ft=shift_ft,
-        work_length_ft=650,
-        taper_tangent_ft=tangent_ft,
-    )
+    road = RoadSpec(lane_count=lanes, lane_width_ft=12, left_shoulder_ft=10, right_shoulder_ft=12, alignment=alignment).build()
+    zone = WorkZone(posted_speed_mph=60, start_ft=1300, closed_lanes=closed, shift_ft=shift_ft, work_length_ft=650)
     return lay_out(zone, road)
 
 
-def drive(layout, n, *, seed, wander_sd=0.06, habit_sd=0.2, step_s=0.2):
-    """Drivers on the lanes of a layout: closed-lane drivers merge somewhere from 250 m ahead of the taper to its end."""
+def drive(
+    layout: WorkZoneLayout, n: int, *, seed: int, wander_sd: float = 0.06, habit_sd: float = 0.2, step_s: float = 0.2
+) -> Zone:
+    """Drivers on the lanes of a layout: those in a closing lane merge somewhere from 250 m ahead of the taper to its end."""
     random = np.random.default_rng(seed)
-    road: Road = layout.road
+    road = layout.road
     tapers = [a for a in layout.areas if a.name.startswith("merging taper")]
     closed = set(layout.work_zone.closed_lanes)
     open_lanes = [i for i in range(len(road.lane_widths)) if i not in closed]
@@ -63,9 +55,9 @@ def drive(layout, n, *, seed, wander_sd=0.06, habit_sd=0.2, step_s=0.2):
         lane = int(random.integers(len(road.lane_widths)))
         speed = random.uniform(18, 28)
         s = np.arange(s_begin + random.uniform(0, 3), s_end, speed * step_s)
-        d = lane_centre(layout, lane if lane not in closed else None, s) if lane not in closed else np.zeros_like(s)
+        d = _lane_middle(layout, lane, s) if lane not in closed else np.zeros_like(s)
         if lane in closed:
-            # From the outermost inwards, one merge per closed lane.
+            # From the outermost lane inwards, one merge per closed lane.
             inwards = sorted((c for c in closed if (c <= lane if left else c >= lane)), reverse=left)
             d = np.full_like(s, road.lane_centre(lane))
             order = sorted(closed, reverse=left)
@@ -75,8 +67,8 @@ def drive(layout, n, *, seed, wander_sd=0.06, habit_sd=0.2, step_s=0.2):
                 length = speed * random.uniform(3, 5)
                 latest = taper.start + 0.55 * taper.length - length
                 begin = max(latest - random.exponential(90.0), s_begin + 20)
-                goal = lane_centre(layout, target, s) if target not in closed else np.full_like(s, road.lane_centre(target))
-                d = d + smooth_step((s - begin) / length) * (goal - d)
+                goal = _lane_middle(layout, target, s) if target not in closed else np.full_like(s, road.lane_centre(target))
+                d = d + _smooth_step((s - begin) / length) * (goal - d)
         wander = wander_sd * np.cumsum(random.standard_normal(len(s))) * np.sqrt(step_s)
         wander -= wander.mean()
         xy = road.to_xy(s, d + habit_sd * random.standard_normal() + wander)
@@ -92,75 +84,27 @@ def drive(layout, n, *, seed, wander_sd=0.06, habit_sd=0.2, step_s=0.2):
     )
 
 
-def lane_centre(layout, lane, s):
-    for open_lane in layout.lanes:
-        if open_lane.index == lane and open_lane.start <= 0.0 and open_lane.end >= layout.road.length - 1e-6:
-            return smooth((open_lane.right(s) + open_lane.left(s)) / 2, s)
-    raise KeyError(lane)
-
-
-def smooth(d, s):
-    """Drivers round off the kinks of lane lines over some 30 m."""
-    width = max(1, round(30 / np.diff(s).mean()))
-    kernel = np.hanning(width + 2)[1:-1]
-    padded = np.pad(d, width, mode="edge")
-    return np.convolve(padded, kernel / kernel.sum(), mode="same")[width:-width]
-
-
-def noisy(zone, error_m, *, seed, interval_s=0.1):
+def noisy(zone: Zone, error_m: float, *, seed: int, interval_s: float = 0.1) -> pd.DataFrame:
+    """The zone's traces as receivers with a GNSS error [m] report them."""
     return report(zone.traces, spec=GnssSpec(error_m=error_m, sampling_interval_s=interval_s), seed=seed)
 
 
-def drive_like_a_simulator(layout, n, *, seed, step_s=0.1, upstream=(150.0, 550.0), overtaking=0.2, jam=False):
-    """The other family: vehicles on exact lane centres with kinks, quick straight lane changes far ahead of the taper.
+def _smooth_step(t: FloatArray) -> FloatArray:
+    t = np.clip(t, 0, 1)
+    return np.asarray(t * t * (3 - 2 * t))
 
-    Some change to a neighbouring lane and back on the way up; in a jam they creep for a while, so that fixes bunch.
-    """
-    random = np.random.default_rng(seed + 1000)
-    road: Road = layout.road
-    tapers = [a for a in layout.areas if a.name.startswith("merging taper")]
-    closed = sorted(layout.work_zone.closed_lanes)
-    count = len(road.lane_widths)
-    left = bool(closed) and closed[-1] == count - 1
-    order = closed[::-1] if left else closed
-    s_begin, s_end = max(layout.start - 350, 5.0), min(layout.end + 150, road.length - 5)
-    middle = {
-        lane.index: (lane.right, lane.left) for lane in layout.lanes if lane.start <= 0.0 and lane.end >= road.length - 1e-6
-    }
-    parts = []
-    for i in range(n):
-        speed, lane = random.uniform(20, 29), int(random.integers(count))
-        time = np.arange(0, 600, step_s)
-        pace = np.full(len(time), speed)
-        if jam:
-            pace[(time > random.uniform(3, 8)) & (time < random.uniform(15, 30))] = 2.0
-        s = s_begin + random.uniform(0, 30) + np.cumsum(pace) * step_s
-        s = s[s < s_end]
-        place = np.full(len(s), float(lane))
-        if random.random() < overtaking and lane not in closed:
-            other = lane + (1 if lane + 1 < count and lane + 1 not in closed else -1)
-            if 0 <= other < count and other not in closed:
-                at = s_begin + random.uniform(20, 60)
-                place += (other - lane) * (np.clip((s - at) / 45, 0, 1) - np.clip((s - at - 120) / 45, 0, 1))
-        current = lane
-        while current in closed:
-            target = current - 1 if left else current + 1
-            taper = tapers[order.index(current)]
-            at = max(taper.end - random.uniform(*upstream), s_begin + 5, s[0])
-            place += (target - current) * np.clip((s - at) / random.choice([2.0, 60.0]), 0, 1)
-            current = target
-        d = np.interp(place, np.arange(count), [road.lane_centre(k) for k in range(count)])
-        inside = np.array([np.interp(s, *((p.stations, p.offsets))) for pair in middle.values() for p in pair])
-        lanes = np.array(list(middle))
-        centres = (inside[0::2] + inside[1::2]) / 2
-        for row, k in zip(centres, lanes, strict=True):
-            d += (row - road.lane_centre(k)) * np.clip(1 - np.abs(place - k), 0, 1)
-        xy = road.to_xy(s, d)
-        parts.append(pd.DataFrame({"vehicle_id": f"m{i}", "time_s": time[: len(s)], "x_m": xy[:, 0], "y_m": xy[:, 1]}))
-    return Zone(
-        traces=pd.concat(parts, ignore_index=True),
-        drivable=layout.drivable_between(s_begin, layout.end),
-        layout=layout,
-        start=layout.start,
-        end=layout.end,
-    )
+
+def _lane_middle(layout: WorkZoneLayout, lane: int, s: FloatArray) -> FloatArray:
+    """Offsets (n,) [m] of the middle of a lane that goes through, with kinks as drivers round them off."""
+    for open_lane in layout.lanes:
+        if open_lane.index == lane and open_lane.start <= 0.0 and open_lane.end >= layout.road.length - 1e-6:
+            return _rounded_off((open_lane.right(s) + open_lane.left(s)) / 2, s)
+    raise KeyError(lane)
+
+
+def _rounded_off(d: FloatArray, s: FloatArray) -> FloatArray:
+    """Offsets (n,) [m] whose kinks are spread over some 30 m."""
+    width = max(1, round(30 / np.diff(s).mean()))
+    kernel = np.hanning(width + 2)[1:-1]
+    padded = np.pad(d, width, mode="edge")
+    return np.asarray(np.convolve(padded, kernel / kernel.sum(), mode="same")[width:-width])

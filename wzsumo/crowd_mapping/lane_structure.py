@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from wzsumo.crowd_mapping.belief import belief
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec
+from wzsumo.crowd_mapping.occupancy import occupancy_grid
 from wzsumo.grid import OccupancyGrid
 
 __all__ = ["LaneStructureSpec", "LaneStructuredMap", "MapBefore", "describe", "lane_structured_map"]
@@ -33,11 +33,11 @@ def lane_structured_map(
 ) -> LaneStructuredMap:
     """The lane-structured map of a trace table on the cells of `grid`, whose values are not used.
 
-    `before` says what is known of the road and of where the zone is announced. `progress` is told (done, all). The fit draws no
-    random numbers.
+    `before` is the road before the zone and where the zone is announced. `progress` is told (done, all). No random numbers are
+    drawn: the same traces give the same map.
     """
     model = fit_lane_structure(traces, spec=spec, before=before)
-    return LaneStructuredMap(grid=belief(model, grid, progress=progress), model=model, report=describe(model))
+    return LaneStructuredMap(grid=occupancy_grid(model, grid, progress=progress), model=model, report=describe(model))
 
 
 def describe(model: LaneStructure) -> dict[str, object]:

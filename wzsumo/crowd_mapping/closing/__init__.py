@@ -1,1 +1,1 @@
-"""Where lanes close: who used them, where they end, the line of the taper, the map of before."""
+"""Where lanes close: the taper's line, the ends of lanes, the use of lanes that go through, and the road before the zone."""

@@ -1,28 +1,49 @@
-"""Where a closed lane ends: the line of devices across it, from those who still drove beside it and from the course's kinks."""
+"""TaperLine: where a closed lane ends, as a belief about the line of devices that a merging taper lays across it.
+
+The line starts at the lane's outer edge and reaches the inner edge, where the lane ends, a taper's length L farther on, at
+station e. Vehicles do not cross it. A vehicle whose body reaches a share a(s) of the lane width beyond the inner edge at
+station s bounds the end from below:
+
+    e >= b = max over s of (s + a(s) L)
+
+Without an announcement, the gaps e - b of n vehicles are exponential with an unknown mean m, for which a prior of 100 m counts
+as much as one vehicle. The gap beyond the last of the n vehicles is then exponential with mean m / n; with a probability of 0.3
+all drivers leave the lane early and the mean is 100 m longer. With an announcement, its prior (`announcement`) is weighed by
+whether the vehicles stay clear of the line. A kink of the open lanes' course, where a shifting taper starts, bounds the line
+from above. Bounds are blurred by the error of a lane change's station, so that a gap is an exponentially modified Gaussian.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
-from wzsumo.crowd_mapping.hypotheses.announcement import Announcement
+from wzsumo.crowd_mapping.hypotheses.announcement import TaperEndPrior
 from wzsumo.frames import FloatArray
 
-GAP_PRIOR_M, MOST_GAPS = 100.0, 4  # from the last possible place of a merge to a vehicle's own, as much as one vehicle's word
-EARLY_SHARE = 0.3  # chance that all drivers leave the lane well ahead of where the devices make them
-STATION_SD_M = 8.0  # of the place of a lane change between stations 10 m apart
-LENGTH_FACTORS, LENGTH_WEIGHTS = np.array([0.85, 1.0, 1.15]), np.array([0.25, 0.5, 0.25])  # of the taper's length
-STEP_M = 2.0
-LEAST_DOUBT = 0.05  # that a trace was where its levels and lane changes say: at 2 m up to so many are mistaken
-ANYWHERE_M = 1000.0  # along which such a one may seem to leave the lane
-LEAST_DENSITY = 1e-12
+MEAN_GAP_PRIOR_M = 100.0  # prior mean of the gap from a vehicle's bound to the line; chosen by us
+MAX_GAPS_BEYOND = 4  # the line is looked for up to so many prior gaps beyond the last bound
+P_ALL_LEAVE_EARLY = 0.3  # that all drivers leave the lane well ahead of the devices; chosen by us
+STATION_SD_M = 8.0  # of the station of a lane change, where stations are 10 m apart; chosen by us
+# The taper's length about the manual's, and the probability of each; chosen by us.
+LENGTH_FACTORS, LENGTH_WEIGHTS = np.array([0.85, 1.0, 1.15]), np.array([0.25, 0.5, 0.25])
+STATION_STEP_M = 2.0  # of the stations at which the line may end
+# Least probability that a trace drove in another lane than it seems: at 2 m of GNSS error up to 5 % do on simulated traffic.
+MIN_MISLABELLED_CHANCE = 0.05
+MISLABELLED_RANGE_M = 1000.0  # along which such a trace may seem to leave the lane, with a uniform density; chosen by us
+DENSITY_FLOOR = 1e-12  # [1/m], of one vehicle's gap
+KINK_SD_M = 10.0  # of the line's end about a kink at which it ends at once; one station. Chosen by us
+# Probability that the line ends at the kink, a tangent of L/2 ahead of it, or anywhere ahead, where the kink is of another
+# shift. The tangent's standard deviation is relative to L. All chosen by us.
+P_AT_KINK, P_TANGENT_TO_KINK, P_AHEAD_OF_KINK, TANGENT_RELATIVE_SD = 0.4, 0.4, 0.2, 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TaperLine:
-    """Belief in the station where a device line reaches the inner edge of a lane; it starts a `length` before, at the outer.
+    """Belief about the station where a line of devices reaches the inner edge of a lane; it starts a length before, outside.
 
-    `stations` (m,) [m] ascend; `probability` (lengths, m) are the chances that the line ends there, for each of `lengths`.
+    `probability` (lengths, m) are the probabilities that a line of each of the `lengths` [m] ends at each of the ascending
+    `stations` (m,) [m].
     """
 
     stations: FloatArray
@@ -30,12 +51,15 @@ class TaperLine:
     lengths: FloatArray
 
     def open_beyond(self, s: FloatArray, across: FloatArray) -> FloatArray:
-        """Chance (n,) that the line is still ahead at stations s (n,), shares `across` (n,) of the lane from its inner edge."""
+        """Probability (n,) that places are still open: that the line crosses the lane farther on.
+
+        The places are at stations s (n,) [m] and at shares `across` (n,) of the lane's width from its inner edge.
+        """
         chance = np.zeros(len(s))
         for length, weight, row in zip(self.lengths, LENGTH_WEIGHTS, self.probability, strict=True):
             below = np.concatenate([[0.0], np.cumsum(row)])
             place = s + length * np.clip(across, 0.0, 1.0)
-            edges = np.concatenate([self.stations - STEP_M / 2, [self.stations[-1] + STEP_M / 2]])
+            edges = np.concatenate([self.stations - STATION_STEP_M / 2, [self.stations[-1] + STATION_STEP_M / 2]])
             chance += weight * (1 - np.interp(place, edges, below))
         return chance
 
@@ -52,96 +76,102 @@ class TaperLine:
 
 def fit_taper_line(
     stations: FloatArray,
-    shares: FloatArray,
+    remaining: FloatArray,
     *,
     length: float,
     half_vehicle: float,
     kink: float | None,
-    announcement: Announcement | None = None,
-    doubts: FloatArray | None = None,
+    end_prior: TaperEndPrior | None = None,
+    mislabelled: FloatArray | None = None,
 ) -> TaperLine:
-    """The belief from vehicles that left the lane: their shares (vehicles, stations) of its width still to go, at stations [m].
+    """The belief from vehicles that left the lane, from the course's kink and from what is announced.
 
-    No vehicle's body crosses the line, so each bounds it from below; how far they scatter tells how much later it may be. A
-    kink of the open lanes' course at station `kink` [m], where a shifting taper starts, bounds it from above: the merging
-    taper ends there, or a tangent of about L/2 before. `half_vehicle` is half a vehicle's width in lane widths. Where the
-    zone's first device is known, that says more than how vehicles scatter, and there need not be any; `doubts` (vehicles,)
-    are the chances that they drove in another lane after all.
+    `remaining` (vehicles, stations) is the share of the lane's width that a vehicle's middle has still to go to the middle of
+    the next lane, at `stations` [m]. `length` [m] is the taper's by the manual, `half_vehicle` half a vehicle's width in lane
+    widths, `kink` the station [m] where a shift of the open lanes starts. With an `end_prior` there need not be any vehicle;
+    `mislabelled` (vehicles,) are then the probabilities that they drove in another lane.
     """
     lengths = length * LENGTH_FACTORS
-    if announcement:
-        sure = np.ones(len(shares)) if doubts is None else 1 - np.maximum(doubts, LEAST_DOUBT)
-        each = [_bounds(stations, shares, at, half_vehicle) for at in lengths]
-        return _announced_line(lengths, each, sure, kink=kink, announcement=announcement)
-    bounds = np.array([_bounds(stations, shares, at, half_vehicle) for at in lengths])
+    if end_prior:
+        certain = np.ones(len(remaining)) if mislabelled is None else 1 - np.maximum(mislabelled, MIN_MISLABELLED_CHANCE)
+        each = [_bounds(stations, remaining, at, half_vehicle) for at in lengths]
+        return _announced_line(lengths, each, certain, kink=kink, end_prior=end_prior)
+    bounds = np.array([_bounds(stations, remaining, at, half_vehicle) for at in lengths])
     low = float(bounds.min())
-    ends = np.arange(low - 4 * STATION_SD_M, max(float(bounds.max()), kink or low) + MOST_GAPS * GAP_PRIOR_M, STEP_M)
+    farthest = max(float(bounds.max()), kink or low) + MAX_GAPS_BEYOND * MEAN_GAP_PRIOR_M
+    ends = np.arange(low - 4 * STATION_SD_M, farthest, STATION_STEP_M)
     rows = []
     for at, each in zip(lengths, bounds, strict=True):
         last, n = each.max(), len(each)
-        # The gap from the last of n vehicles to the line, when gaps are exponential, is exponential with an n-th of the mean.
-        scale = (GAP_PRIOR_M + (last - each).sum()) / n / n
-        late, early = (_shifted_exponential(ends - last, mean) for mean in (scale, scale + GAP_PRIOR_M))
-        belief = (1 - EARLY_SHARE) * late + EARLY_SHARE * early
+        mean_beyond_last = (MEAN_GAP_PRIOR_M + (last - each).sum()) / n / n
+        as_usual, early = (_gap_density(ends - last, mean) for mean in (mean_beyond_last, mean_beyond_last + MEAN_GAP_PRIOR_M))
+        belief = (1 - P_ALL_LEAVE_EARLY) * as_usual + P_ALL_LEAVE_EARLY * early
         if kink is not None:
             belief = belief * _ahead_of_kink(kink - ends, at)
         rows.append(belief / max(belief.sum(), 1e-300) if belief.sum() > 0 else _nearest(ends, last))
     return TaperLine(stations=ends, probability=np.array(rows), lengths=lengths)
 
 
-def _bounds(stations: FloatArray, shares: FloatArray, length: float, half_vehicle: float) -> FloatArray:
-    """Earliest ends (vehicles,) of a line that clears each vehicle's body."""
-    # Body's outer side at (share + half_vehicle - 1/2) of the lane; a line that ends at e is at (e - s) / length of it.
-    across = np.clip(shares + half_vehicle - 0.5, 0.0, 1.0)
+def _bounds(stations: FloatArray, remaining: FloatArray, length: float, half_vehicle: float) -> FloatArray:
+    """Least ends (vehicles,) [m] of a line that stays clear of each vehicle's body."""
+    # The body's outer side is at (remaining + half_vehicle - 1/2) of the lane, a line that ends at e at (e - s) / length of it.
+    across = np.clip(remaining + half_vehicle - 0.5, 0.0, 1.0)
     return np.asarray(np.where(across > 0, stations + length * across, -np.inf).max(axis=1))
 
 
 def _announced_line(
-    lengths: FloatArray, bounds: list[FloatArray], sure: FloatArray, *, kink: float | None, announcement: Announcement
+    lengths: FloatArray, bounds: list[FloatArray], certain: FloatArray, *, kink: float | None, end_prior: TaperEndPrior
 ) -> TaperLine:
-    """The belief from what is announced, and from the vehicles' `bounds` for each length, of which each is so `sure`."""
-    ends = np.arange(announcement.station, announcement.station + (4 * announcement.lanes_before + 5) * lengths[1], STEP_M)
+    """The belief from what is announced and from the vehicles' `bounds` (vehicles,) [m] for each length.
+
+    `certain` (vehicles,) are the probabilities that the vehicles drove in the lane.
+    """
+    last_end = end_prior.first_device + (4 * end_prior.lanes_before + 5) * lengths[1]
+    ends = np.arange(end_prior.first_device, last_end, STATION_STEP_M)
     rows = []
     for at, each in zip(lengths, bounds, strict=True):
         gaps = ends[:, None] - each
-        # Where the manual puts it, nobody need have come near a line: many leave early. Elsewhere those who came nearest tell.
-        cleared = (1 - sure * ndtr(-gaps / STATION_SD_M)).prod(axis=1)
-        belief = announcement.as_drawn(ends, length=at) * cleared
-        belief = belief + announcement.late(ends, length=at) * _likelihood(gaps, sure)
+        # Many drivers leave a lane early: where the line lies as drawn, they only need to stay clear of it. Where it lies
+        # elsewhere, the gaps tell where.
+        all_clear = (1 - certain * ndtr(-gaps / STATION_SD_M)).prod(axis=1)
+        belief = end_prior.density_as_drawn(ends, length=at) * all_clear
+        belief = belief + end_prior.density_late(ends, length=at) * _gap_likelihood(gaps, certain)
         if kink is not None:
             belief = belief * _ahead_of_kink(kink - ends, at)
         rows.append(belief / belief.sum() if belief.sum() > 0 else _nearest(ends, each.max(initial=-np.inf)))
     return TaperLine(stations=ends, probability=np.array(rows), lengths=lengths)
 
 
-def _likelihood(gaps: FloatArray, sure: FloatArray) -> FloatArray:
-    """Likelihood (ends,), 1 at its highest, of gaps (ends, vehicles) [m] from vehicles' bounds to where the line may end.
+def _gap_likelihood(gaps: FloatArray, certain: FloatArray) -> FloatArray:
+    """Likelihood (ends,), 1 at its highest, of gaps (ends, vehicles) [m] from the vehicles' bounds to the line's end.
 
-    Gaps are exponential, with the mean that the gaps of those who keep clear of the line have; a vehicle that was in another
-    lane may have been anywhere.
+    Gaps are exponential; their mean is that of the vehicles that stay clear of the line. A vehicle that drove in another lane
+    seems to leave this one anywhere.
     """
-    clear = sure * ndtr(gaps / STATION_SD_M)
-    mean = (GAP_PRIOR_M + (clear * np.maximum(gaps, 0.0)).sum(axis=1)) / (1 + clear.sum(axis=1))
-    each = sure * _shifted_exponential(gaps, mean[:, None]) + (1 - sure) / ANYWHERE_M + LEAST_DENSITY
+    clear = certain * ndtr(gaps / STATION_SD_M)
+    mean = (MEAN_GAP_PRIOR_M + (clear * np.maximum(gaps, 0.0)).sum(axis=1)) / (1 + clear.sum(axis=1))
+    each = certain * _gap_density(gaps, mean[:, None]) + (1 - certain) / MISLABELLED_RANGE_M + DENSITY_FLOOR
     log_likelihood = np.log(each).sum(axis=1)
     return np.asarray(np.exp(log_likelihood - log_likelihood.max()))
 
 
-def _shifted_exponential(gap: FloatArray, scale: FloatArray | float) -> FloatArray:
-    """Density of an exponential gap, blurred by the stations' error: an exponentially modified Gaussian."""
-    ratio = STATION_SD_M / scale
-    return np.asarray(np.exp(ratio**2 / 2 - gap / scale + log_ndtr(gap / STATION_SD_M - ratio)) / scale)
+def _gap_density(gap: FloatArray, mean: FloatArray | float) -> FloatArray:
+    """Density [1/m] of gaps [m] that are exponential with a mean [m] and blurred: an exponentially modified Gaussian."""
+    ratio = STATION_SD_M / mean
+    return np.asarray(np.exp(ratio**2 / 2 - gap / mean + log_ndtr(gap / STATION_SD_M - ratio)) / mean)
 
 
 def _ahead_of_kink(distance: FloatArray, length: float) -> FloatArray:
-    """Prior density of the line's end at a distance [m] ahead of where the shift starts: at once, or after a tangent."""
-    at_once = np.exp(-0.5 * (distance / 10.0) ** 2) / 10.0
-    tangent = np.exp(-0.5 * ((distance - length / 2) / (0.1 * length)) ** 2) / (0.1 * length)
-    anywhere = np.where(distance > -10, 1 / length, 0.0)  # the shift may be another one
-    return np.asarray(0.4 * at_once + 0.4 * tangent + 0.2 * anywhere + 1e-9)
+    """Weight (n,) of a line that ends a distance (n,) [m] ahead of where the shift starts: at once, or after a tangent."""
+    at_once = np.exp(-0.5 * (distance / KINK_SD_M) ** 2) / KINK_SD_M
+    tangent_sd = TANGENT_RELATIVE_SD * length
+    tangent = np.exp(-0.5 * ((distance - length / 2) / tangent_sd) ** 2) / tangent_sd
+    anywhere = np.where(distance > -KINK_SD_M, 1 / length, 0.0)
+    return np.asarray(P_AT_KINK * at_once + P_TANGENT_TO_KINK * tangent + P_AHEAD_OF_KINK * anywhere + 1e-9)
 
 
 def _nearest(stations: FloatArray, place: float) -> FloatArray:
+    """All probability (m,) at the station nearest to a place [m]."""
     row = np.zeros(len(stations))
     row[np.argmin(np.abs(stations - place))] = 1.0
     return row

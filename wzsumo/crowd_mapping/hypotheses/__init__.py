@@ -1,1 +1,1 @@
-"""Which lanes there may be: patterns, closures and what the traces say of each."""
+"""Lane hypotheses: patterns of lanes, closures and their ends, and how well the traces agree with each."""

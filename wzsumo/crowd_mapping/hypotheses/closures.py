@@ -1,73 +1,89 @@
-"""Closures: between which stations lanes may be closed, and how likely each pair of ends is before any trace is looked at."""
+"""ClosurePrior: between which stations the closed lanes of a pattern may be closed, and how probable each pair of ends is.
+
+A closure has two ends: the station from which its lanes are closed, a, and the one from which they are open again, b. Both are
+chosen from a few candidate stations. Where nothing is announced, only the closed length counts:
+
+    log p(a, b) = -1/2 (log((b - a) / 500 m) / 0.6)^2 + constant
+
+An announced zone gives each end a density of its own (`announcement`), and closed lengths below the median stay less probable:
+
+    p(a, b) = p_closing(a) p_opening(b) exp(-1/2 min(log((b - a) / 500 m) / 0.6, 0)^2)
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wzsumo.crowd_mapping.hypotheses.announcement import Announced, Announcement
+from wzsumo.crowd_mapping.hypotheses.announcement import AnnouncedZone, TaperEndPrior
 from wzsumo.crowd_mapping.hypotheses.lane_patterns import LanePattern
 from wzsumo.frames import FloatArray, IntArray
 
-CORE_M, CORE_SPREAD = 500.0, 0.6  # median length of the closed stretch and the standard deviation of its logarithm
-PLACES = 18  # tried for either end of the closure
-DOWNSTREAM_TAPER_M = 30.48  # per lane; MUTCD 11th ed., Table 6B-3: 50 to 100 ft
-ANYWHERE_SHARE = 0.02  # of the closures that are not at all where they are announced
-STEP_M = 2.0  # between places at which the announcement is asked
+CLOSED_LENGTH_MEDIAN_M, CLOSED_LENGTH_LOG_SD = 500.0, 0.6  # of the stretch where lanes are fully closed; chosen by us
+N_CANDIDATE_STATIONS = 18  # for either end; chosen by us
+DOWNSTREAM_TAPER_M = 30.48  # 100 ft a lane; MUTCD 11th ed., Table 6B-3: 50 to 100 ft
+P_ELSEWHERE = 0.02  # that a closure's end is not where it is announced but at any candidate; chosen by us
+DENSITY_STEP_M = 2.0  # at which the announcement's density is summed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Closures:
-    """`pairs` (pairs, 2) of stations (indices), first closed and first open again, and the log (pairs,) of their chances."""
+class CandidateClosures:
+    """Pairs of ends that a closure may have.
 
-    pairs: IntArray
-    log_chance: FloatArray
+    `ends` (pairs, 2) are indices of stations: the first closed one, and the first that is open again. `log_prior` (pairs,) are
+    the logs of their probabilities.
+    """
+
+    ends: IntArray
+    log_prior: FloatArray
 
 
-def one_closure(closes: int, opens: int) -> Closures:
-    """The one closure that is known, or none where both ends are the same station."""
-    return Closures(pairs=np.array([(closes, opens)]), log_chance=np.zeros(1))
+def known_closure(closed_from: int, open_from: int) -> CandidateClosures:
+    """The one closure between two stations (indices); no lane is closed anywhere where both are the same."""
+    return CandidateClosures(ends=np.array([(closed_from, open_from)]), log_prior=np.zeros(1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosurePrior:
     """What is known of closures beforehand, on equally spaced `stations` (n,) [m].
 
-    `announced` is the zone's announcement, if there is one; `merging_m` is the length L of a merging taper.
+    `announced` is None where no zone is announced; `merging_length_m` is the length L of a merging taper.
     """
 
     stations: FloatArray
-    announced: Announced | None
-    merging_m: float
+    announced: AnnouncedZone | None
+    merging_length_m: float
 
     @property
     def mirrored(self) -> "ClosurePrior":
         """The same with right and left exchanged."""
         return replace(self, announced=self.announced.mirrored) if self.announced else self
 
-    def closures(self, pattern: LanePattern) -> Closures:
-        """The closures of a pattern's closed lanes, which are the leftmost ones or some between open ones."""
+    def candidates(self, pattern: LanePattern) -> CandidateClosures:
+        """The closures that a pattern's closed lanes may have, with their probabilities."""
         if not pattern.closed:
-            return one_closure(0, 0)
+            return known_closure(0, 0)
         n, spacing = len(self.stations), float(self.stations[1] - self.stations[0])
-        places = np.unique(np.linspace(1, n, PLACES).astype(int))
+        places = np.unique(np.linspace(1, n, N_CANDIDATE_STATIONS).astype(int))
         first, second = np.triu_indices(len(places), k=1)
-        pairs = np.column_stack([places[first], places[second]])
-        length = np.log(spacing * (pairs[:, 1] - pairs[:, 0]) / CORE_M) / CORE_SPREAD
+        ends = np.column_stack([places[first], places[second]])
+        log_length = np.log(spacing * (ends[:, 1] - ends[:, 0]) / CLOSED_LENGTH_MEDIAN_M) / CLOSED_LENGTH_LOG_SD
         if self.announced is None:
-            chance = np.exp(-0.5 * length**2)
+            chance = np.exp(-0.5 * log_length**2)
         else:
             at = self.stations[0] + spacing * places
-            # Ahead of lanes between open ones another lane ends, to make way for their traffic (MUTCD 11th ed., TA-38).
+            # Ahead of interior closed lanes an outer lane closes first, to make room for their traffic (MUTCD 11th ed., TA-38).
             before = len(pattern.closed) - (not pattern.is_interior)
-            closes = _chances(at, self.announced.closing(pattern.closed[0], lanes_before=before), length=self.merging_m)
-            opens = _chances(-at, self.announced.opening(lanes_before=before), length=DOWNSTREAM_TAPER_M)
-            chance = closes[first] * opens[second] * np.exp(-0.5 * np.minimum(length, 0.0) ** 2)
-        return Closures(pairs=pairs, log_chance=np.log(chance / chance.sum()))
+            closing = self.announced.closing_prior(pattern.closed[0], lanes_before=before)
+            opening = self.announced.opening_prior(lanes_before=before)
+            closes = _chances(at, closing, length=self.merging_length_m)
+            opens = _chances(-at, opening, length=DOWNSTREAM_TAPER_M)
+            chance = closes[first] * opens[second] * np.exp(-0.5 * np.minimum(log_length, 0.0) ** 2)
+        return CandidateClosures(ends=ends, log_prior=np.log(chance / chance.sum()))
 
 
-def _chances(places: FloatArray, announcement: Announcement, *, length: float) -> FloatArray:
-    """Chance (n,) that the end of a lane is nearest to each of places (n,) [m], which ascend or descend."""
-    fine = np.arange(places.min(), places.max() + STEP_M, STEP_M)
+def _chances(places: FloatArray, prior: TaperEndPrior, *, length: float) -> FloatArray:
+    """Probability (n,) that a taper's end is nearest to each of `places` (n,) [m], which ascend or descend."""
+    fine = np.arange(places.min(), places.max() + DENSITY_STEP_M, DENSITY_STEP_M)
     nearest = np.abs(fine[:, None] - places).argmin(axis=1)
-    mass = np.bincount(nearest, weights=announcement.density(fine, length=length), minlength=len(places))
-    return np.asarray((1 - ANYWHERE_SHARE) * mass / max(mass.sum(), 1e-12) + ANYWHERE_SHARE / len(places))
+    mass = np.bincount(nearest, weights=prior.density(fine, length=length), minlength=len(places))
+    return np.asarray((1 - P_ELSEWHERE) * mass / max(mass.sum(), 1e-12) + P_ELSEWHERE / len(places))

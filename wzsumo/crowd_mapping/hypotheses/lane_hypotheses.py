@@ -1,58 +1,75 @@
-"""Which lanes are open and which are closed: hypotheses of a closure, weighed by levels, lane changes and where they happened.
+"""LaneHypothesis: a fitted pattern of lanes with its closure, and the hypotheses that are likeliest for some traces.
 
-A hypothesis says how many lanes there are and which of them, the leftmost ones or some between open ones, are closed from one
-station to another, both unknown. A trace's lanes relative to its first are known, its first lane and its level's error are
-not. Closures on the right are the same in the mirror.
+A hypothesis says how many lanes there are and which of them are closed from one station to another. Its log evidence is
+
+    log posterior of the mixture (`lane_em`) - n_lanes / 2 log(n traces) + log p(pattern)
+
+where the second term is Schwarz' criterion for the free parameters (the level and n_lanes - 1 shares; the width has a prior,
+and the closure's ends are summed over). A hypothesis in which some lane was driven by nobody has none.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wzsumo.crowd_mapping.hypotheses.change_costs import ChangeCosts, Evidence, change_costs
-from wzsumo.crowd_mapping.hypotheses.closures import ClosurePrior, one_closure
-from wzsumo.crowd_mapping.hypotheses.lane_em import LaneLikelihood, LanePlaces, LanePrior, covariance_of, fit_lanes
-from wzsumo.crowd_mapping.hypotheses.lane_patterns import LanePattern, likely_patterns
+from wzsumo.crowd_mapping.hypotheses.change_likelihood import ChangeLikelihood, LaneEvidence, change_likelihood
+from wzsumo.crowd_mapping.hypotheses.closures import ClosurePrior, known_closure
+from wzsumo.crowd_mapping.hypotheses.lane_em import (
+    LaneMixture,
+    LaneObservations,
+    MixturePrior,
+    fit_lane_mixture,
+    lane_covariance,
+)
+from wzsumo.crowd_mapping.hypotheses.lane_patterns import LanePattern, candidate_patterns
 from wzsumo.frames import FloatArray
 
-SHARE_COUNTS = (3.0, 0.5)  # prior counts of vehicles in each open and each closing lane: open lanes are used about alike
-LEAST_USERS = 0.6  # traces in the outermost lanes: a lane that nobody drove in is none
-MOST_TRACES = 100  # by which hypotheses are weighed
-HOPELESS = 12.0  # behind the best start in log evidence
-STARTS, QUICK_ROUNDS, ROUNDS = 3, 4, 25
+MIN_TRACES_PER_LANE = 0.6  # expected number of traces, each by its weight, that were ever in a lane; chosen by us
+MAX_COMPARED_TRACES = 100  # by which hypotheses are compared
+# Of each pattern all starts are fitted for a few rounds and the best ones go on, unless they lie so far (log evidence) behind
+# the best of all patterns.
+SCREENING_ROUNDS, KEPT_STARTS, MAX_EVIDENCE_GAP = 4, 3, 12.0
+EM_ROUNDS = 25
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneHypothesis:
-    """A fitted hypothesis: lane k's centre at right + k width above the course.
+    """A fitted hypothesis: the middle of lane k at right + k width [m] above the course.
 
-    `first` (n, lanes) are the chances of each trace's first lane; `closes` and `opens` are indices of stations, the second
-    one beyond the last where the closed lanes do not open again.
+    `closed_from` and `open_from` are the indices of the first closed station and of the first that is open again; the second is
+    the number of stations where the closed lanes do not open again. `first` (n, lanes) are the probabilities of each trace's
+    first lane, `covariance` (2, 2) [m^2] is that of right and width, `spread` [m] the standard deviation of the traces' levels
+    about their lanes.
     """
 
     pattern: LanePattern
     right: float
     width: float
-    covariance: FloatArray  # (2, 2) [m^2] of right and width
+    covariance: FloatArray
     spread: float
-    closes: int
-    opens: int
+    closed_from: int
+    open_from: int
     first: FloatArray
     log_evidence: float
 
 
 def likely_hypotheses(
-    evidence: Evidence, closure: ClosurePrior, *, n_open: int | None, least_closed: int
+    evidence: LaneEvidence, closure_prior: ClosurePrior, *, n_open: int | None, min_closed: int
 ) -> list[LaneHypothesis]:
-    """Hypotheses, the likeliest first, that differ in their lanes or by half a lane in level; `n_open` where that is known."""
-    few = _thinned(evidence)
+    """The hypotheses, the likeliest first, that differ in their pattern or by half a lane width in level.
+
+    `n_open` is the number of open lanes where that is known; for `min_closed` see `candidate_patterns`.
+    """
+    compared = _thinned(evidence)
     tries = []
-    for pattern in likely_patterns(n_open, least_closed=least_closed):
-        costs = change_costs(few, pattern, closures=closure.closures(pattern))
-        quick = [_fit(few, costs, right=right, rounds=QUICK_ROUNDS) for right in _starts(few, pattern.n_lanes)]
-        tries += [(fit, costs) for fit in sorted(quick, key=_by_evidence)[:STARTS]]
-    enough = max(fit.log_evidence for fit, _ in tries) - HOPELESS
-    fits = [_fit(few, costs, right=fit.right, rounds=ROUNDS) for fit, costs in tries if fit.log_evidence > enough]
+    for pattern in candidate_patterns(n_open, min_closed=min_closed):
+        changes = change_likelihood(compared, pattern, closures=closure_prior.candidates(pattern))
+        screened = [
+            _fit(compared, changes, right=right, rounds=SCREENING_ROUNDS) for right in _starts(compared, pattern.n_lanes)
+        ]
+        tries += [(fit, changes) for fit in sorted(screened, key=_by_evidence)[:KEPT_STARTS]]
+    enough = max(fit.log_evidence for fit, _ in tries) - MAX_EVIDENCE_GAP
+    fits = [_fit(compared, changes, right=fit.right, rounds=EM_ROUNDS) for fit, changes in tries if fit.log_evidence > enough]
     kept: list[LaneHypothesis] = []
     for fit in sorted(fits, key=_by_evidence):
         if not any(_same(fit, other) for other in kept):
@@ -60,50 +77,55 @@ def likely_hypotheses(
     return kept
 
 
-def _same(fit: LaneHypothesis, other: LaneHypothesis) -> bool:
-    return fit.pattern == other.pattern and abs(fit.right - other.right) < fit.width / 2
-
-
-def fit_again(hypothesis: LaneHypothesis, evidence: Evidence) -> LaneHypothesis:
-    """The hypothesis, with the closure where it was, fitted to other evidence; its own evidence stays."""
-    costs = change_costs(evidence, hypothesis.pattern, closures=one_closure(hypothesis.closes, hypothesis.opens))
-    fit = _fit(evidence, costs, right=hypothesis.right, rounds=ROUNDS)
+def refit_hypothesis(hypothesis: LaneHypothesis, evidence: LaneEvidence) -> LaneHypothesis:
+    """The hypothesis fitted to other evidence, with its closure and its log evidence as they are."""
+    closure = known_closure(hypothesis.closed_from, hypothesis.open_from)
+    changes = change_likelihood(evidence, hypothesis.pattern, closures=closure)
+    fit = _fit(evidence, changes, right=hypothesis.right, rounds=EM_ROUNDS)
     return replace(fit, log_evidence=hypothesis.log_evidence)
+
+
+def _thinned(evidence: LaneEvidence) -> LaneEvidence:
+    n = len(evidence.levels)
+    if n <= MAX_COMPARED_TRACES:
+        return evidence
+    some = np.unique(np.linspace(0, n - 1, MAX_COMPARED_TRACES).astype(int))
+    return replace(evidence, levels=evidence.levels[some], lanes=evidence.lanes[some], weights=evidence.weights[some])
+
+
+def _starts(evidence: LaneEvidence, n_lanes: int) -> FloatArray:
+    """Levels [m] of the rightmost lane from which fits start: some quantile of the levels lies in some lane."""
+    quantiles = np.quantile(evidence.levels, [0.1, 0.5, 0.9])
+    return np.unique(np.round([q - evidence.width[0] * lane for q in quantiles for lane in range(n_lanes)], 1))
+
+
+def _fit(evidence: LaneEvidence, changes: ChangeLikelihood, *, right: float, rounds: int) -> LaneHypothesis:
+    """The hypothesis of a pattern from a start; the screening rounds do not ask for traces in each lane yet."""
+    n_lanes, n, usual = changes.pattern.n_lanes, float(evidence.weights.sum()), evidence.usual_spread
+    seen = LaneObservations(
+        levels=evidence.levels,
+        weights=evidence.weights,
+        likelihood=changes.likelihood,
+        log_prior=changes.closures.log_prior,
+    )
+    start = LaneMixture(right=right, width=evidence.width[0], spread=usual, shares=np.full(n_lanes, 1 / n_lanes))
+    prior = MixturePrior(width=evidence.width, usual_spread=usual, pseudocounts=changes.pattern.pseudocounts)
+    fitted = fit_lane_mixture(seen, start=start, prior=prior, rounds=rounds)
+    closed_from, open_from = changes.closures.ends[int(np.argmax(fitted.pair_chance))]
+    schwarz = 0.5 * n_lanes * np.log(max(n, 2.0))
+    traces_per_lane = np.einsum("nf,n,nfk->k", fitted.first, evidence.weights, changes.visited)
+    unused = traces_per_lane.min() < MIN_TRACES_PER_LANE * min(1.0, n) and rounds > SCREENING_ROUNDS
+    return LaneHypothesis(
+        pattern=changes.pattern, right=fitted.mixture.right, width=fitted.mixture.width,
+        covariance=lane_covariance(fitted, seen, prior), spread=fitted.mixture.spread, closed_from=int(closed_from),
+        open_from=int(open_from), first=fitted.first,
+        log_evidence=-np.inf if unused else fitted.log_posterior - schwarz + changes.pattern.log_prior,
+    )  # fmt: skip
 
 
 def _by_evidence(fit: LaneHypothesis) -> float:
     return -fit.log_evidence
 
 
-def _starts(evidence: Evidence, n_lanes: int) -> FloatArray:
-    """Levels [m] of the rightmost lane from which a fit may start."""
-    quantiles = np.quantile(evidence.levels, [0.1, 0.5, 0.9])
-    return np.unique(np.round([q - evidence.width[0] * lane for q in quantiles for lane in range(n_lanes)], 1))
-
-
-def _thinned(evidence: Evidence) -> Evidence:
-    n = len(evidence.levels)
-    if n <= MOST_TRACES:
-        return evidence
-    some = np.unique(np.linspace(0, n - 1, MOST_TRACES).astype(int))
-    return replace(evidence, levels=evidence.levels[some], lanes=evidence.lanes[some], weights=evidence.weights[some])
-
-
-def _fit(evidence: Evidence, costs: ChangeCosts, *, right: float, rounds: int) -> LaneHypothesis:
-    n_lanes, n, usual = costs.pattern.n_lanes, float(evidence.weights.sum()), evidence.usual_spread
-    closed = np.isin(np.arange(n_lanes), costs.pattern.closed)
-    seen = LaneLikelihood(levels=evidence.levels, weights=evidence.weights, fit=costs.fit, log_prior=costs.closures.log_chance)
-    start = LanePlaces(right=right, width=evidence.width[0], spread=usual, shares=np.full(n_lanes, 1 / n_lanes))
-    prior = LanePrior(width=evidence.width, usual_spread=usual, counts=np.where(closed, *SHARE_COUNTS[::-1]))
-    fitted = fit_lanes(seen, start=start, prior=prior, rounds=rounds)
-    closes, opens = costs.closures.pairs[int(np.argmax(fitted.pair_chance))]
-    # Free parameters by Schwarz' criterion; the width's prior and the closure's places are integrated already.
-    penalty = 0.5 * n_lanes * np.log(max(n, 2.0))
-    users = np.einsum("nf,n,nfk->k", fitted.first, evidence.weights, costs.ever)
-    unused = users.min() < LEAST_USERS * min(1.0, n)
-    return LaneHypothesis(
-        pattern=costs.pattern, right=fitted.places.right, width=fitted.places.width,
-        covariance=covariance_of(fitted, seen, prior), spread=fitted.places.spread, closes=int(closes),
-        opens=int(opens), first=fitted.first,
-        log_evidence=-np.inf if unused and rounds > QUICK_ROUNDS else fitted.log_posterior - penalty + costs.pattern.log_prior,
-    )  # fmt: skip
+def _same(fit: LaneHypothesis, other: LaneHypothesis) -> bool:
+    return fit.pattern == other.pattern and abs(fit.right - other.right) < fit.width / 2

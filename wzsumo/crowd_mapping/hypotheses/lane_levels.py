@@ -1,4 +1,9 @@
-"""LaneLevels: how many lanes stay open, which of them each trace drove in, how wide they are, and which are closed where."""
+"""LaneLevels: where the lanes lie, which lane each trace drove in, and which lanes are closed between which stations.
+
+The middle of lane k has the offset course(s) + right + k width [m] from the reference line. Traces agree on the course; their
+levels about it scatter by GNSS bias and drivers' habits. Hypotheses are fitted for closures on the left and, in the mirror
+image, for closures on the right. Their probabilities are proportional to the exponential of their log evidence.
+"""
 
 from dataclasses import dataclass
 
@@ -6,45 +11,47 @@ import numpy as np
 
 from wzsumo.crowd_mapping.course.common_path import CommonPath
 from wzsumo.crowd_mapping.course.station_table import STATION_SPACING_M
-from wzsumo.crowd_mapping.hypotheses.change_costs import Evidence
+from wzsumo.crowd_mapping.hypotheses.change_likelihood import LaneEvidence
 from wzsumo.crowd_mapping.hypotheses.closures import ClosurePrior
-from wzsumo.crowd_mapping.hypotheses.lane_hypotheses import LaneHypothesis, fit_again, likely_hypotheses
+from wzsumo.crowd_mapping.hypotheses.lane_hypotheses import LaneHypothesis, likely_hypotheses, refit_hypothesis
 from wzsumo.frames import FloatArray
 
-NARROWING_SD_M = 0.08  # of the lanes' width at the core against that before: one foot in a few zones
-# GNSS errors that drift by 1 cm in 10 m (0.4 s) stay off by some 20 cm: wzsumo.sensing.gnss, whose shares are sourced there.
-SPREAD_PER_DRIFT = 20.0
-MOST_HYPOTHESES, LEAST_CHANCE = 5, 0.02  # that are kept
-WANDER_M = 0.03  # drift in 10 m of drivers without any GNSS error (SUMO, lcSigma of 0.08)
-HABIT_M = 0.25  # between drivers: 0.2 to 0.4 m in naturalistic studies
+# Of the lanes' width beside the work about the width before it: zones narrow lanes by a foot at times. Chosen by us.
+NARROWING_SD_M = 0.08
+# A GNSS error that drifts by 1 cm in 10 m (0.4 s) has a bias of some 20 cm: the ratio in wzsumo.sensing.gnss, with its sources.
+BIAS_PER_DRIFT = 20.0
+DRIVER_DRIFT_M = 0.03  # in 10 m, of drivers without any GNSS error; SUMO with lcSigma = 0.08
+DRIVER_OFFSET_SD_M = 0.25  # between drivers' usual places in a lane: 0.2 to 0.4 m in naturalistic studies
+MAX_HYPOTHESES, MIN_HYPOTHESIS_CHANCE = 5, 0.02  # that are kept; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneLevels:
-    """Lanes 0 (rightmost) .. n_lanes - 1 are open all along, but for `interior` ones.
+    """Lanes 0 (rightmost) .. n_lanes - 1 go through: they are open all along, but for `interior` ones.
 
-    Lane k's centre is at course + right + k width. Lanes `closed` beside them, below 0 or from n_lanes on, and `interior` ones
-    among them are closed from station `closes` to `opens` (indices; as many as there are stations where they do not open
-    again). `lanes` (traces, stations) are the traces' lanes in this count. `spread` [m] is the standard deviation of the
-    traces' levels about their lanes: GNSS bias and driver habit together.
+    Lanes `closed` lie beside them: below 0 on the right, from n_lanes on the left. They and the `interior` lanes are closed
+    from station `closed_from` on and open from `open_from` on (indices; the number of stations where they do not open again).
+    `right` and `width` [m] have the `covariance` (2, 2) [m^2]. `outer_width` and `outer_width_sd` [m] are those of the lanes
+    beside. `spread` [m] is the standard deviation of the traces' levels about their lanes. `lanes` (traces, stations) are the
+    traces' lanes in this count. `hypothesis` is what all this follows from, mirrored where the closure is on the right.
     """
 
     n_lanes: int
     closed: tuple[int, ...]
     interior: tuple[int, ...]
-    closes: int
-    opens: int
+    closed_from: int
+    open_from: int
     right: float
     width: float
-    covariance: FloatArray  # (2, 2) [m^2] of right and width
-    outer_width: float  # of the lanes beside the open ones
+    covariance: FloatArray
+    outer_width: float
     outer_width_sd: float
     spread: float
     lanes: FloatArray
-    hypothesis: LaneHypothesis  # behind it, in the mirror where the closed side is the right
+    hypothesis: LaneHypothesis
 
     def level_sd(self, lane: float) -> float:
-        """Standard deviation [m] of a lane's level; -1/2 is the right edge of all open ones."""
+        """Standard deviation [m] of a lane's level; lane -1/2 is the right edge of lane 0."""
         place = np.array([1.0, lane])
         return float(np.sqrt(place @ self.covariance @ place))
 
@@ -54,42 +61,47 @@ class LaneLevels:
         return float(np.sqrt(self.covariance[1, 1]))
 
     @property
-    def core(self) -> int:
-        """Index of the station in the middle of the closed stretch, or of all stations."""
+    def core_station(self) -> int:
+        """Index of the station in the middle of the closed stretch; of all stations where nothing is closed."""
         bounded = self.closed or self.interior
-        return (self.closes + min(self.opens, self.lanes.shape[1])) // 2 if bounded else self.lanes.shape[1] // 2
+        n_stations = self.lanes.shape[1]
+        return (self.closed_from + min(self.open_from, n_stations)) // 2 if bounded else n_stations // 2
 
 
 def fit_lane_levels(
-    path: CommonPath, *, width: tuple[float, float], weights: FloatArray, closure: ClosurePrior, n_lanes: int | None
+    path: CommonPath, *, width: tuple[float, float], weights: FloatArray, closure_prior: ClosurePrior, n_lanes: int | None
 ) -> list[tuple[float, LaneLevels]]:
-    """(chance, levels) of the likeliest hypotheses for a prior of the lanes' width (mean, sd) [m], the likeliest first.
+    """(probability, levels) of the likeliest hypotheses, the likeliest first.
 
-    Few traces, or poor ones, leave it open which lanes there are: whoever uses the levels should ask them all. `n_lanes`
-    lanes are open where that is known.
+    `width` is the prior mean and standard deviation [m] of the lanes' width, `n_lanes` the number of open lanes where it is
+    known. Few or poor traces may leave several hypotheses likely: a map should be made of all of them.
     """
     evidence = {side: _evidence(path, weights, width, side=side) for side in (1, -1)}
     fits = [
         (fit.log_evidence, side, fit)
-        for side, least, prior in ((1, 0, closure), (-1, 1, closure.mirrored))
-        for fit in likely_hypotheses(evidence[side], prior, n_open=n_lanes, least_closed=least)
+        for side, min_closed, prior in ((1, 0, closure_prior), (-1, 1, closure_prior.mirrored))
+        for fit in likely_hypotheses(evidence[side], prior, n_open=n_lanes, min_closed=min_closed)
     ]
     fits.sort(key=lambda fit: -fit[0])
-    chances = np.exp([log_evidence - fits[0][0] for log_evidence, _, _ in fits[:MOST_HYPOTHESES]])
+    chances = np.exp([log_evidence - fits[0][0] for log_evidence, _, _ in fits[:MAX_HYPOTHESES]])
     chances /= chances.sum()
-    likely = [(chance, side, fit) for chance, (_, side, fit) in zip(chances, fits, strict=False) if chance > LEAST_CHANCE]
-    return [(float(chance), _levels(path, fit_again(fit, evidence[side]), width, side=side)) for chance, side, fit in likely]
+    likely = [
+        (chance, side, fit) for chance, (_, side, fit) in zip(chances, fits, strict=False) if chance > MIN_HYPOTHESIS_CHANCE
+    ]
+    return [
+        (float(chance), _levels(path, refit_hypothesis(fit, evidence[side]), width, side=side)) for chance, side, fit in likely
+    ]
 
 
-def refresh(levels: LaneLevels, path: CommonPath, *, weights: FloatArray) -> LaneLevels:
-    """The levels for another path, with the number of lanes, their outer width and the closure as they were."""
+def refit_levels(levels: LaneLevels, path: CommonPath, *, weights: FloatArray) -> LaneLevels:
+    """The levels fitted to another path; the pattern of lanes, their outer width and the closure stay as they are."""
     outer, side = (levels.outer_width, levels.outer_width_sd), -1 if any(lane < 0 for lane in levels.closed) else 1
-    return _levels(path, fit_again(levels.hypothesis, _evidence(path, weights, outer, side=side)), outer, side=side)
+    return _levels(path, refit_hypothesis(levels.hypothesis, _evidence(path, weights, outer, side=side)), outer, side=side)
 
 
-def _evidence(path: CommonPath, weights: FloatArray, outer: tuple[float, float], *, side: int) -> Evidence:
-    """The evidence for a closure on the left (side 1), or on the right, mirrored (-1)."""
-    return Evidence(
+def _evidence(path: CommonPath, weights: FloatArray, outer: tuple[float, float], *, side: int) -> LaneEvidence:
+    """The evidence as it is (side 1), for a closure on the left, or mirrored (side -1), for one on the right."""
+    return LaneEvidence(
         levels=side * path.levels,
         lanes=side * np.rint(path.lanes).astype(np.int64),
         weights=weights,
@@ -100,12 +112,16 @@ def _evidence(path: CommonPath, weights: FloatArray, outer: tuple[float, float],
 
 
 def _usual_spread(path: CommonPath) -> float:
-    """Standard deviation [m] of levels that is usual for the traces' drift, and for their scatter: the mean of both squares."""
-    of_drift = SPREAD_PER_DRIFT**2 * max(path.errors.drift_m**2 - WANDER_M**2, 0.0)
-    return float(np.sqrt(HABIT_M**2 + (of_drift + path.errors.bias_m**2) / 2))
+    """Standard deviation [m] of levels that the traces let expect, before the levels are looked at.
+
+    The variance of the GNSS bias is the mean of two estimates: from the drift of the traces, and from their bias on bends.
+    """
+    of_drift = BIAS_PER_DRIFT**2 * max(path.errors.drift_m**2 - DRIVER_DRIFT_M**2, 0.0)
+    return float(np.sqrt(DRIVER_OFFSET_SD_M**2 + (of_drift + path.errors.bias_m**2) / 2))
 
 
 def _levels(path: CommonPath, fit: LaneHypothesis, outer: tuple[float, float], *, side: int) -> LaneLevels:
+    """The levels of a hypothesis, back in the count of lanes from the right where it was fitted in the mirror image."""
     first = fit.first.argmax(axis=1)
     pattern, right, covariance = fit.pattern, fit.right, fit.covariance
     k = pattern.n_lanes if pattern.is_interior else pattern.n_open
@@ -115,7 +131,7 @@ def _levels(path: CommonPath, fit: LaneHypothesis, outer: tuple[float, float], *
         covariance = mirror @ covariance @ mirror.T
     beside = () if pattern.is_interior else pattern.closed if side > 0 else tuple(range(-len(pattern.closed), 0))
     return LaneLevels(
-        n_lanes=k, closed=beside, interior=pattern.closed if pattern.is_interior else (), closes=fit.closes, opens=fit.opens,
-        right=right, width=fit.width, covariance=covariance, outer_width=outer[0],
+        n_lanes=k, closed=beside, interior=pattern.closed if pattern.is_interior else (), closed_from=fit.closed_from,
+        open_from=fit.open_from, right=right, width=fit.width, covariance=covariance, outer_width=outer[0],
         outer_width_sd=outer[1], spread=fit.spread, lanes=first[:, None] + path.lanes, hypothesis=fit,
     )  # fmt: skip
