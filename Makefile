@@ -39,7 +39,7 @@ test: setup  ## lint, types and tests; stops at the first stage that fails and n
 
 FOLDER ?= wzsumo/behaviour
 mutants: setup  ## share of small changes of FOLDER's code that its tests notice: FOLDER=wzsumo/mutcd [SAMPLE=100] [TESTS=tests/case] [JOBS=2]
-	@$(ONE_THREAD) $(BIN)/python .ci/mutants.py $(FOLDER) $(if $(SAMPLE),--sample $(SAMPLE)) \
+	@$(ONE_THREAD) $(BIN)/python .ci/mutants $(FOLDER) $(if $(SAMPLE),--sample $(SAMPLE)) \
 		$(if $(TESTS),--tests $(TESTS)) $(if $(JOBS),--jobs $(JOBS))
 
 bench: setup  ## run every benchmark, one after the other
