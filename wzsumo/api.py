@@ -7,12 +7,11 @@ from typing import Any
 import pandas as pd
 
 from wzsumo.case import case
-from wzsumo.case.baselines import BASELINE_METHODS
-from wzsumo.case.case import Progress, quiet_progress
-from wzsumo.case.methods import MAP_METHODS
-from wzsumo.case.traces_map import map_of_traces
+from wzsumo.case.files import write_case
+from wzsumo.case.methods import DEFAULT_METHOD, chosen_methods
+from wzsumo.case.traces_map import crowd_method, map_of_traces, read_road
+from wzsumo.case.watch import Progress, Watch, quiet_progress
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
-from wzsumo.errors import SpecError
 from wzsumo.files.output import staged_folder
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.plan import Plan, plan_path
@@ -33,42 +32,53 @@ def run_case(
 ) -> dict[str, Any]:
     """Figures of one case, as in the result.json that it writes into `out` beside maps, paths, drives and report.html.
 
-    `methods` are names of MAP_METHODS and BASELINE_METHODS. Where none are given they are those of MAP_METHODS, and where the
-    scenario has a section `slam` all. `in_window` shows each drive live in sumo-gui. Nothing is written where the case cannot
-    be run.
+    `methods` are names of map methods. Where none are given they are those of the crowd, and where the scenario has a section
+    `slam` all. `in_window` shows each drive live in sumo-gui. Nothing is written where the case cannot be run.
 
     >>> import wzsumo
     >>> scenario = wzsumo.load_scenario("scenarios/paper.toml", seed=21)
     >>> result = wzsumo.run_case(scenario, "results/mine", methods=["swept"])  # doctest: +SKIP
     >>> result["methods"]["swept"]["iou"]                                      # doctest: +SKIP
     """
-    known = [*MAP_METHODS, *BASELINE_METHODS]
-    chosen = list(methods) if methods is not None else known if scenario.slam else list(MAP_METHODS)
-    _refuse_unknown(chosen, known=known)
+    chosen = chosen_methods(methods, scenario)
     if in_window:
         refuse_without_display()
     with staged_folder(Path(out)) as stage:
-        result = case.run_case(scenario, stage, methods=chosen, progress=progress, in_window=in_window)
+        sumo_folder = stage / "sumo"
+        sumo_folder.mkdir()
+        watch = Watch(progress=progress, in_window=in_window)
+        result = write_case(case.run_case(scenario, methods=chosen, sumo_folder=sumo_folder, watch=watch), stage)
         write_report(stage)
     return result
 
 
-def build_map(traces: pd.DataFrame, *, method: str = "swept", seed: int, resolution_m: float = 0.127) -> OccupancyGrid:
+def build_map(
+    traces: pd.DataFrame,
+    *,
+    method: str = DEFAULT_METHOD,
+    seed: int = 1,
+    resolution_m: float = 0.127,
+    road: Path | str | None = None,
+) -> OccupancyGrid:
     """The map of anybody's traces: a table with vehicle_id, time_s, x_m, y_m, one row a fix, metres of a local frame.
 
-    Free cells have p_occupied below 0.196; where nobody drove is unknown, not free. Raises InputError where the table is none.
+    `road` names a file that says how the road was before the zone, in the frame of the traces: a scenario, or a TOML file with
+    the sections [road] and [announced]; the defaults are those of `wzsumo map`. Free cells have p_occupied below 0.196; where
+    nobody drove is unknown, not free. Raises InputError where the table is no trace table, or is not on the road.
 
     >>> import pandas as pd, wzsumo
     >>> x = [float(x) for x in range(0, 200, 2)]
     >>> tracks = [pd.DataFrame({"vehicle_id": f"v{n}", "time_s": x, "x_m": x, "y_m": 0.2 * n}) for n in range(4)]
-    >>> grid = wzsumo.build_map(pd.concat(tracks), seed=1, resolution_m=0.25)
+    >>> grid = wzsumo.build_map(pd.concat(tracks), resolution_m=0.25)
     >>> bool(grid.free[grid.cell_of([[100.0, 0.3]])][0])
     True
     """
-    _refuse_unknown([method], known=list(MAP_METHODS))
+    road_file = None if road is None else Path(road)
+    chosen = crowd_method(method, road=road_file)
     usable = usable_traces(traces, source="traces").traces
+    before = read_road(road_file, usable, source="traces")
     grid, _ = map_of_traces(
-        usable, source="traces", method=method, seed=seed, resolution_m=resolution_m, before=None, progress=quiet_progress
+        usable, chosen, source="traces", seed=seed, resolution_m=resolution_m, before=before, progress=quiet_progress
     )
     return grid
 
@@ -100,9 +110,3 @@ def plan(
         vehicle=vehicle or VehicleGeometry(),
         spec=spec or PlannerSpec(),
     )
-
-
-def _refuse_unknown(methods: Sequence[str], *, known: Sequence[str]) -> None:
-    unknown = [name for name in methods if name not in known]
-    if unknown:
-        raise SpecError(f"method {unknown[0]}: unknown; known methods: {', '.join(known)}")

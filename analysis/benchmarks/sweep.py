@@ -26,7 +26,8 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
 import numpy as np
 
 from wzsumo.case.crowd import learn_from, reported_traces
-from wzsumo.case.map_and_plan import map_of_zone, plan_for
+from wzsumo.case.map_method import CrowdMethod
+from wzsumo.case.plans import plan_for
 from wzsumo.scenario.site import prepare_site
 from wzsumo.simulation.connection import sumo_binary
 from wzsumo.simulation.files import write_sumo_files
@@ -103,8 +104,11 @@ def kernels_s(study: Study) -> float:
 
         def kernels() -> None:
             crowd = learn_from(used, road=site.layout.road, spec=case.scenario.mixture, seed=case.scenario.seed)
-            grid = map_of_zone(case.method, crowd, scenario=case.scenario, site=site)
-            plan_for(case.method, grid, scenario=case.scenario, site=site, crowd=crowd)
+            method = case.map_method
+            if not isinstance(method, CrowdMethod):
+                raise TypeError(f"{method.name}: the benchmark is of methods that map the crowd's traces")
+            grid = method.map_of_crowd(crowd, scenario=case.scenario, site=site)
+            plan_for(method, grid, scenario=case.scenario, site=site, crowd=crowd)
 
         return _processor_s(kernels)
 

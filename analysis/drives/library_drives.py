@@ -20,7 +20,7 @@ from wzsumo.errors import InputError
 from wzsumo.files.output import write_whole
 from wzsumo.scenario.scenario import Scenario, load_scenario
 from wzsumo.sweep.study_case import StudyCase
-from wzsumo.sweep.tasks import evaluate, simulate
+from wzsumo.sweep.tasks import evaluate_cases, simulate
 from wzsumo.units import mps_from_mph
 
 LIBRARY = Path(__file__).parents[2] / "scenarios"
@@ -111,7 +111,7 @@ def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
     if not fleet.exists():
         write_whole(fleet, simulate(cases[0].scenario))
     try:
-        rows = evaluate(fleet.read_bytes(), cases)
+        rows = evaluate_cases(fleet.read_bytes(), cases)
     except InputError as error:
         rows = [{"status": "REFUSED", "reason": str(error)} for _ in cases]
     return [

@@ -10,16 +10,19 @@ the default sensor (10 Hz) halve the time; a device is still in ten scans and mo
 import argparse
 import sys
 import tempfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import pandas as pd
 from matplotlib.figure import Figure
 
-from wzsumo.case.assessment import assess, goal_figures
-from wzsumo.case.baselines import map_baselines
-from wzsumo.case.case import drive_plan, quiet_progress
+from wzsumo.case.assessment import goal_figures, lidar_figures
 from wzsumo.case.crowd import traces_over_zone
-from wzsumo.case.map_and_plan import plan_for
+from wzsumo.case.evaluation import evaluate
+from wzsumo.case.methods import METHODS
+from wzsumo.case.sources import Sources
+from wzsumo.case.watch import Watch
+from wzsumo.case.zone import SimulatedZone
 from wzsumo.ego import Outcome
 from wzsumo.lidar_mapping import slam_map
 from wzsumo.scenario.scenario import load_scenario
@@ -68,21 +71,21 @@ def spec_with(fault, *, seed, rate_hz):
 
 def row_of(name, scenario, site, files, fleet, *, rate_hz):
     case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], seed=scenario.seed, rate_hz=rate_hz)})
-    baselines = map_baselines([METHOD], fleet, scenario=case, site=site, progress=quiet_progress)
-    grid = baselines.maps[METHOD]
-    plan = plan_for(METHOD, grid, scenario=scenario, site=site, crowd=None)
-    goal = goal_figures(plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)
-    run = drive_plan(plan, METHOD, scenario=scenario, site=site, files=files, progress=quiet_progress)
-    over_zone = traces_over_zone(fleet, site.layout)
-    figures = assess(grid, plan, run, crowd=None, over_zone=over_zone, scenario=scenario, site=site)
+    zone = SimulatedZone(
+        over_zone=traces_over_zone(fleet, site.layout), whole_fleet=lambda: fleet, sumo_files=lambda: nullcontext(files)
+    )
+    sources = Sources(zone=zone, scenario=case, site=site, watch=Watch())
+    result = evaluate(METHODS[METHOD], sources, scenario=case, site=site, watch=Watch())
+    goal = goal_figures(result.plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)
+    drive, figures = lidar_figures(sources.lidar), result.figures
     return {
         "fault": name,
         "seed": scenario.seed,
         "n_devices": len(site.layout.devices),
-        "n_mapped": baselines.slam["n_devices_mapped"],
-        "n_links": baselines.slam["n_links"],
-        "mapped_share": baselines.slam["n_devices_mapped"] / len(site.layout.devices),
-        "ate_m": baselines.slam["ate_m"],
+        "n_mapped": drive["n_devices_mapped"],
+        "n_links": drive["n_links"],
+        "mapped_share": drive["n_devices_mapped"] / len(site.layout.devices),
+        "ate_m": drive["ate_m"],
         "precision": figures["precision"],
         "recall": figures["recall"],
         "iou": figures["iou"],

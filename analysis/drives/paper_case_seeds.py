@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import bootstrap
 
-from wzsumo.case.case import quiet_progress, run_case
-from wzsumo.files.output import staged_folder
+from wzsumo.api import run_case
 from wzsumo.frames import FloatArray
 from wzsumo.scenario.scenario import load_scenario
 
@@ -32,8 +31,7 @@ def main() -> None:
     args = parser.parse_args()
     rows = []
     for seed in range(args.first, args.first + args.seeds):
-        with staged_folder(args.out / f"seed_{seed}") as folder:
-            result = run_case(load_scenario(SCENARIO, seed=seed), folder, methods=args.methods, progress=quiet_progress)
+        result = run_case(load_scenario(SCENARIO, seed=seed), args.out / f"seed_{seed}", methods=args.methods)
         for method, figures in result["methods"].items():
             row = {name: figures[name] for name in (*FIGURES, "outcome", "reason")}
             rows.append({"seed": seed, "method": method, "in_closed_area": result["fleet"]["n_in_closed_area"]} | row)

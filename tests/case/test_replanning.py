@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from wzsumo.case.baselines import stale_map
 from wzsumo.case.closed_loop import STEP_S, Drive, drive_path
-from wzsumo.case.guides import nominal_guide
+from wzsumo.case.methods import map_of_before
+from wzsumo.case.plans import nominal_guide
 from wzsumo.case.replanning import REPLAN_AHEAD_S, NewMap
 from wzsumo.control.plant import PlantSpec
 from wzsumo.ego import Outcome
@@ -55,7 +55,7 @@ def plan_on(grid, site, start):
 
 
 def drive(site, files, *, new_maps):
-    path = plan_on(stale_map(site), site, site.start).path
+    path = plan_on(map_of_before(site), site, site.start).path
     control = ControlSection(target_speed_mps=SPEED)
     how = Drive(vehicle=CAR, control=control, plant=PlantSpec(steering_lag_s=0.2), depart_s=40.0, time_limit_s=200.0)
     return drive_path(path, layout=site.layout, files=files, drive=how, on_step=lambda _: None, new_maps=new_maps)

@@ -3,19 +3,18 @@ import re
 from pathlib import Path
 
 import pytest
-from sweep_trials import PAPER, AtOnce, a_study, evaluate, simulate, sweep
+from sweep_trials import PAPER, AtOnce, a_study, evaluate_cases, simulate, sweep
 
 from wzsumo.cli import main
 from wzsumo.commands import sweep as sweep_verbs
 from wzsumo.sweep import agenda as engine
 from wzsumo.sweep.estimate import estimate
-from wzsumo.sweep.study_case import code_version
 
 
 @pytest.fixture(autouse=True)
 def quick_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "simulate", simulate)
-    monkeypatch.setattr(engine, "evaluate", evaluate)
+    monkeypatch.setattr(engine, "evaluate_cases", evaluate_cases)
     monkeypatch.setattr(sweep_verbs, "LocalWorkers", AtOnce)
 
 
@@ -74,7 +73,7 @@ def test_interrupted_sweep_ends_with_130_and_says_that_what_was_finished_is_kept
     def interrupted(_fleet, _cases) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(engine, "evaluate", interrupted)
+    monkeypatch.setattr(engine, "evaluate_cases", interrupted)
     code, _, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out")
     assert code == 130
     assert "what was finished is kept" in err
@@ -118,9 +117,3 @@ def test_beginning_that_several_cases_share_is_refused_with_two_of_them(
     code, _, err = run(capsys, "run", tmp_path / "study", "--case", shared, "--out", tmp_path / "out")
     assert code == 2
     assert f"{firsts.count(shared)} cases begin so" in err
-
-
-def test_version_of_the_code_is_that_of_the_package_and_of_what_decides_a_result() -> None:
-    version, _, digest = code_version().partition("+")
-    assert version == "0.1.0"
-    assert re.fullmatch(r"[0-9a-f]{12}", digest)

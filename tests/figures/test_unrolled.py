@@ -7,10 +7,10 @@ import shapely
 from builders import bent_road, paper_work_zone
 from shapely.geometry import shape
 
-from wzsumo.case.result_folder import ResultFolder
 from wzsumo.figures.layout_figure import draw_zone
 from wzsumo.figures.unrolled import unrolled_area, unrolled_cells, unrolled_points
 from wzsumo.files.layout import layout_geojson
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.grid import blank_grid, cells_inside
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.units import feet_from_metres

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from builders import paper_layout
 
-from wzsumo.case.result_folder import ResultFolder
 from wzsumo.figures.map_figures import draw_baseline_paths, draw_crowd_and_slam
 from wzsumo.files.layout import layout_geojson
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.files.ros_map import write_map
 from wzsumo.grid import blank_grid
 from wzsumo.path import ReferencePath

@@ -7,7 +7,7 @@ import pytest
 import shapely
 from shapely.geometry import mapping
 
-from wzsumo.case.result_folder import ResultFolder
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.report.drive_player import player_data
 from wzsumo.vehicle import VehicleGeometry
 

@@ -10,9 +10,9 @@ import shapely
 from PIL import Image
 from shapely.geometry import mapping
 
-from wzsumo.case.result_folder import read_result_folder
 from wzsumo.errors import InputError
 from wzsumo.figures.zone_axes import new_figure, state_stretch
+from wzsumo.files.result_folder import read_result_folder
 from wzsumo.files.ros_map import write_map
 from wzsumo.grid import blank_grid, cells_inside
 from wzsumo.report.report import best_method, write_report

@@ -12,7 +12,7 @@ from wzsumo.sweep import agenda as engine
 from wzsumo.sweep.results import read_results
 
 
-def evaluate(fleet, cases):
+def evaluate_cases(fleet, cases):
     """Maps that grow better with traces and worse with the GNSS error; four traces are refused."""
     rows = []
     for case in cases:
@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory):
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(engine, "simulate", lambda _scenario: FLEET)
-        patch.setattr(engine, "evaluate", evaluate)
+        patch.setattr(engine, "evaluate_cases", evaluate_cases)
         sweep(study, out)
     alone = out / "cases" / study.cases[0].id
     alone.mkdir(parents=True)

@@ -5,10 +5,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from wzsumo.case.result_folder import ResultFolder
 from wzsumo.figures.traffic_figures import draw_space_time
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.metrics.traffic import MINUTE_COLUMNS, STATION_COLUMNS, VEHICLE_COLUMNS, TrafficSummary
-from wzsumo.report.tables import traffic_rows
+from wzsumo.report.tables import goal_rows, outcome_code, outcome_in_words, traffic_rows
 
 LAYOUT = {"areas": [{"name": "merging taper", "start_m": 200, "end_m": 400}, {"name": "work $", "start_m": 400, "end_m": 800}]}
 
@@ -48,3 +48,22 @@ def test_page_of_measures_names_every_figure_and_column_of_a_run() -> None:
 def test_every_figure_of_a_run_has_a_row_in_the_report() -> None:
     figures = [field.name for field in fields(TrafficSummary)]
     assert len(traffic_rows(dict.fromkeys(figures, 1.0))) == len(figures)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "plan_status", "code", "words"),
+    [
+        ("NO_PATH", "NO_PATH", "NO_PATH", "no path"),
+        ("NO_PATH", "LIMIT_REACHED", "LIMIT_REACHED", "planner gave up at its limit"),
+        ("NO_PATH", "START_OCCUPIED", "START_OCCUPIED", "start is not free"),
+        ("NO_PATH", "FOUND", "NO_PATH", "no path"),  # none on a map that came on the way
+        ("REACHED_GOAL", "FOUND", "REACHED_GOAL", "reached goal"),
+    ],
+)
+def test_planner_that_gave_up_is_not_told_as_a_map_without_a_path(
+    outcome: str, plan_status: str, code: str, words: str
+) -> None:
+    figures = {"outcome": outcome, "plan_status": plan_status, "planned_outcome": outcome}
+    assert outcome_code(figures) == code
+    assert outcome_in_words(figures) == words
+    assert goal_rows({"swept": {"goals": {"own_lane": figures}}})[0]["own_lane_outcome"] == words

@@ -7,12 +7,12 @@ import time
 from pathlib import Path
 
 import pytest
-from sweep_trials import a_study, evaluate, simulate, sweep
+from sweep_trials import a_study, evaluate_cases, simulate, sweep
 
 from wzsumo.errors import InputError
 from wzsumo.sweep import agenda as engine
 from wzsumo.sweep.cluster import ClusterWorkers
-from wzsumo.sweep.study_case import code_version
+from wzsumo.sweep.version import code_version
 
 LIMIT_S = 60.0
 
@@ -50,7 +50,7 @@ def wait_for(file, *, workers):
 
 def test_table_of_a_cluster_is_that_of_this_machine(address, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "simulate", simulate)
-    monkeypatch.setattr(engine, "evaluate", evaluate)
+    monkeypatch.setattr(engine, "evaluate_cases", evaluate_cases)
     study = a_study(seed=[1, 2, 3], crowd__used=[1, 2])
     with ClusterWorkers(address, version=code_version) as workers:
         assert workers.count == 2

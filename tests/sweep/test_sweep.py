@@ -3,7 +3,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from sweep_trials import FLEET, AtOnce, a_study, evaluate, simulate, sweep
+from sweep_trials import FLEET, AtOnce, a_study, evaluate_cases, simulate, sweep
 
 from wzsumo.errors import InputError, OutputError
 from wzsumo.sweep import agenda as engine
@@ -15,7 +15,7 @@ from wzsumo.sweep.store import read_study
 @pytest.fixture(autouse=True)
 def quick_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "simulate", simulate)
-    monkeypatch.setattr(engine, "evaluate", evaluate)
+    monkeypatch.setattr(engine, "evaluate_cases", evaluate_cases)
 
 
 def test_sweep_simulates_each_fleet_once_and_gives_a_row_a_case_in_the_order_of_the_study(tmp_path: Path) -> None:
@@ -33,7 +33,7 @@ def test_sweep_simulates_each_fleet_once_and_gives_a_row_a_case_in_the_order_of_
 def test_cases_of_one_crowd_go_to_one_task_and_a_task_holds_about_a_batch(tmp_path: Path) -> None:
     study, workers = a_study(methods=("swept", "lanes", "paper"), crowd__used=list(range(1, 26))), AtOnce()
     sweep(study, tmp_path, workers)
-    batches = [args[1] for name, args in workers.started if name == "evaluate"]
+    batches = [args[1] for name, args in workers.started if name == "evaluate_cases"]
     assert all(len(batch) < BATCH + 3 for batch in batches)
     crowds = [{case.source for case in batch} for batch in batches]
     assert sum(map(len, crowds)) == len(set().union(*crowds)) == 25
@@ -42,7 +42,7 @@ def test_cases_of_one_crowd_go_to_one_task_and_a_task_holds_about_a_batch(tmp_pa
 def test_last_tasks_are_small_so_that_no_worker_waits_long_for_another(tmp_path: Path) -> None:
     study, workers = a_study(crowd__used=list(range(1, 41)), gnss__error_m=[0.0, 1.0, 2.0]), AtOnce()
     sweep(study, tmp_path, workers)
-    sizes = [len(args[1]) for name, args in workers.started if name == "evaluate"]
+    sizes = [len(args[1]) for name, args in workers.started if name == "evaluate_cases"]
     assert sum(sizes) == 120
     assert sizes == sorted(sizes, reverse=True)
     assert max(sizes) > 2 * SMALLEST_BATCH
@@ -54,7 +54,7 @@ def test_next_fleet_is_simulated_while_cases_of_the_one_before_are_left(tmp_path
     sweep(study, tmp_path, workers)
     order = [name for name, _ in workers.started]
     last = [at for at, name in enumerate(order) if name == "simulate"][3]  # the first three begin at once
-    handed_out = sum(len(args[1]) for name, args in workers.started[:last] if name == "evaluate")
+    handed_out = sum(len(args[1]) for name, args in workers.started[:last] if name == "evaluate_cases")
     assert handed_out < 60
 
 
@@ -74,15 +74,15 @@ def test_case_that_fails_whenever_it_runs_is_lost_alone_with_its_reason(tmp_path
     def fails_at_4(fleet, cases):
         if any(case.scenario.crowd.used == 4 for case in cases):
             raise RuntimeError("four is too much")
-        return evaluate(fleet, cases)
+        return evaluate_cases(fleet, cases)
 
-    monkeypatch.setattr(engine, "evaluate", fails_at_4)
+    monkeypatch.setattr(engine, "evaluate_cases", fails_at_4)
     study = a_study(crowd__used=list(range(1, 9)))
     summary, _ = sweep(study, tmp_path)
     assert (summary.n_done, summary.n_failed, dict(summary.failures)) == (7, 1, {"four is too much": 1})
     failed = read_results(tmp_path).query("status == 'FAILED'")
     assert failed[["crowd.used", "reason"]].to_numpy().tolist() == [[4, "four is too much"]]
-    monkeypatch.setattr(engine, "evaluate", evaluate)
+    monkeypatch.setattr(engine, "evaluate_cases", evaluate_cases)
     again, _ = sweep(study, tmp_path)
     assert (again.n_found, again.n_done, again.n_failed) == (7, 8, 0)
 
@@ -137,7 +137,7 @@ def test_damaged_or_missing_fleet_is_simulated_again(tmp_path: Path) -> None:
     fleet.write_bytes(fleet.read_bytes()[:-7])
     workers = AtOnce()
     sweep(a_study(seed=[1], crowd__used=[3]), tmp_path, workers)
-    assert [name for name, _ in workers.started] == ["simulate", "evaluate"]
+    assert [name for name, _ in workers.started] == ["simulate", "evaluate_cases"]
 
 
 def test_fleets_beyond_the_limit_go_and_finished_cases_stay(tmp_path: Path) -> None:
@@ -161,9 +161,9 @@ def test_interrupt_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest.M
         if len(finished) == 2:  # both are settled before a third begins where two go at a time
             raise KeyboardInterrupt
         finished.append([case.id for case in cases])
-        return evaluate(fleet, cases)
+        return evaluate_cases(fleet, cases)
 
-    monkeypatch.setattr(engine, "evaluate", interrupted_at_third)
+    monkeypatch.setattr(engine, "evaluate_cases", interrupted_at_third)
     with pytest.raises(KeyboardInterrupt):
         sweep(a_study(crowd__used=list(range(1, 41)), seed=[1]), tmp_path, AtOnce(count=1))
     assert set(read_results(tmp_path)["case"]) == set().union(*finished)
@@ -195,7 +195,7 @@ def test_results_of_an_older_method_are_not_taken_for_new_ones(tmp_path: Path, m
     sweep(a_study(seed=[1]), tmp_path)
     monkeypatch.undo()
     monkeypatch.setattr(engine, "simulate", simulate)
-    monkeypatch.setattr(engine, "evaluate", evaluate)
+    monkeypatch.setattr(engine, "evaluate_cases", evaluate_cases)
     summary, _ = sweep(a_study(seed=[1]), tmp_path)
     assert (summary.n_found, summary.n_done) == (0, 1)
     assert len(read_results(tmp_path)) == 1

@@ -1,11 +1,12 @@
 """What a case came to: the map against the truth, the planned and the driven path against devices, edges and closed area."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 import pandas as pd
 
 from wzsumo.case.crowd import Crowd
+from wzsumo.case.lidar_baseline import LidarBaseline
 from wzsumo.ego import EgoRun, Outcome
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.clearance import clearance_along
@@ -67,11 +68,6 @@ def _drive_figures(run: EgoRun, over_zone: pd.DataFrame, *, scenario: Scenario, 
     return asdict(measure_drive(run, scenario.vehicle, road=site.layout.road)) | asdict(caused)
 
 
-def site_with_open_goal(site: Site) -> Site | None:
-    """The site with the goal in the open lane; None where the scenario names none."""
-    return None if site.open_goal is None else replace(site, goal=site.open_goal)
-
-
 def goal_figures(plan: Plan, *, lane: int, scenario: Scenario, site: Site) -> dict[str, Any]:
     """What the planned path to one goal does, as if it were driven exactly and nobody else were on the road."""
     figures: dict[str, Any] = {"lane": lane, "plan_status": str(plan.status), "planned_outcome": "NO_PATH"}
@@ -86,4 +82,17 @@ def goal_figures(plan: Plan, *, lane: int, scenario: Scenario, site: Site) -> di
         "n_devices_struck": contact.n_devices_struck,
         "length_m": float(plan.path.arc_length[-1]),
         **asdict(clearance),
+    }
+
+
+def lidar_figures(lidar: LidarBaseline) -> dict[str, Any]:
+    """What is told of a LiDAR mapping drive."""
+    return {
+        "vehicle_id": lidar.vehicle_id,
+        "n_scans": len(lidar.poses),
+        "scan_states": lidar.states,
+        "ate_m": lidar.ate_m,
+        "dead_reckoning_ate_m": lidar.dead_reckoning_ate_m,
+        "n_devices_mapped": len(lidar.maps.devices),
+        "n_links": len(lidar.maps.links),
     }

@@ -1,17 +1,19 @@
 """From the fleet to what the crowd reports: the traces over the zone, and those of the equipped vehicles with their errors."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+from shapely import LineString
 
+from wzsumo.case.watch import Tell
 from wzsumo.crowd_mapping.mixture.augmentation import with_copies
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec, samples_inside
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
 from wzsumo.crowd_mapping.mixture.selection import MixtureSweep, sweep_mixtures
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
+from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.metrics.fleet import passages
 from wzsumo.road import Road
 from wzsumo.scenario.scenario import Scenario
@@ -41,27 +43,75 @@ def reported_traces(over_zone: pd.DataFrame, scenario: Scenario, *, which: Liter
     return report(over_zone[over_zone["vehicle_id"].isin(chosen)], spec=scenario.gnss, seed=scenario.seed)
 
 
+def collection_figures(over_zone: pd.DataFrame, scenario: Scenario) -> dict[str, Any]:
+    """How many equipped vehicles passed, and how long it took from the first vehicle's passing until as many had as are used.
+
+    Raises SpecError where fewer passed.
+    """
+    passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
+    equipped = choose_equipped(passed_at_s.index, penetration=scenario.crowd.penetration, seed=scenario.seed)
+    first_traces(equipped, scenario.crowd.used, key="crowd.used")
+    waited_s = passed_at_s[equipped].sort_values().to_numpy()[scenario.crowd.used - 1] - passed_at_s.min()
+    return {"n_equipped": len(equipped), "minutes_to_collect": float(waited_s) / 60}
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crowd:
-    """What the crowd's traces gave: the traces, the mixtures tried, the one chosen, the samples drawn from it.
+    """The reported traces that make a map, and the mixtures fitted to them.
 
     The mixtures are of stations and offsets [m] on `road`, the samples (n, 2) are x, y [m].
     """
 
     traces: pd.DataFrame
     road: Road
-    sweep: MixtureSweep
-    mixture: Mixture
-    samples: FloatArray
+    spec: MixtureSpec
+    sweep: MixtureSweep  # the mixtures of all numbers of components that were tried
+    mixture: Mixture  # the one that is chosen
+    samples: FloatArray  # drawn from it
 
 
-def learn_from(
-    traces: pd.DataFrame, *, road: Road, spec: MixtureSpec, seed: int, progress: Callable[[int, int], None] | None = None
-) -> Crowd:
-    """The mixture of the traces' points on `road`, chosen by AIC or BIC over K = 1..k_max, and samples from its 95 % region."""
+def learn_from(traces: pd.DataFrame, *, road: Road, spec: MixtureSpec, seed: int, tell: Tell | None = None) -> Crowd:
+    """The mixture of the traces' points on `road`, chosen by AIC or BIC over K = 1..k_max, and samples from its 95 % region.
+
+    `tell` is called with the share of the work that is done.
+    """
     table = with_copies(traces, copies=spec.copies, driver_sd_m=spec.driver_sd_m, seed=seed) if spec.copies else traces
     points = np.column_stack(road.to_sd(table[["x_m", "y_m"]]))
-    sweep = sweep_mixtures(points, k_max=spec.k_max, reg_covar_m2=spec.least_sd_m**2, progress=progress)
+    sweep = sweep_mixtures(
+        points,
+        k_max=spec.k_max,
+        reg_covar_m2=spec.least_sd_m**2,
+        progress=None if tell is None else lambda done, total: tell(done / total),
+    )
     mixture = sweep.best("aic" if spec.criterion == "aic" else "bic")
     samples = road.to_xy(*samples_inside(mixture, spec=spec, seed=seed).T)
-    return Crowd(traces=traces, road=road, sweep=sweep, mixture=mixture, samples=samples)
+    return Crowd(traces=traces, road=road, spec=spec, sweep=sweep, mixture=mixture, samples=samples)
+
+
+MIN_VEHICLES = 2  # one alone may have been out of its lane
+POSITION_ERRORS = 2.0  # standard deviations that a vehicle may have been off where it reported to be
+KINK_M = 0.01  # a point of a trace that lies so near the line through its neighbours is left out
+
+
+def witness_reach_m(scenario: Scenario) -> float:
+    """How far [m] to either side of a reported centre the ground was surely driven over; 0 or less: nowhere.
+
+    Half a vehicle and the scatter of drivers in their lane, less what positions may be wrong by, as the receivers state it.
+    """
+    stated_sd_m = float(np.hypot.reduce(scenario.gnss.standard_deviations_m))
+    return scenario.vehicle.width_m / 2 + scenario.mixture.driver_sd_m - POSITION_ERRORS * stated_sd_m
+
+
+def free_witnessed_ground(grid: OccupancyGrid, traces: pd.DataFrame, *, reach_m: float) -> OccupancyGrid:
+    """The map with the witnessed ground free."""
+    return grid.with_p_occupied(np.where(witnessed_ground(grid, traces, reach_m=reach_m), 0.0, grid.p_occupied))
+
+
+def witnessed_ground(cells: OccupancyGrid, traces: pd.DataFrame, *, reach_m: float) -> BoolArray:
+    """Cells (rows, cols) within `reach_m` of the traces of MIN_VEHICLES vehicles or more."""
+    count = np.zeros(cells.shape, dtype=np.int16)
+    if reach_m > 0:
+        for _, trace in traces.groupby("vehicle_id"):
+            line = LineString(trace.sort_values("time_s")[["x_m", "y_m"]].to_numpy()).simplify(KINK_M)
+            count += cells_inside(cells, line.buffer(reach_m, cap_style="flat"))
+    return count >= MIN_VEHICLES

@@ -2,26 +2,88 @@
 
 import json
 import math
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from wzsumo import __version__
+from wzsumo.case.assessment import lidar_figures
+from wzsumo.case.case import CaseResult
 from wzsumo.case.crowd import Crowd
-from wzsumo.ego import EgoRun
+from wzsumo.case.evaluation import MethodResult
+from wzsumo.errors import SpecError
+from wzsumo.files.layout import write_layout
 from wzsumo.files.ros_map import write_map
-from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.traffic import TrafficMeasures
 from wzsumo.planning.plan import Plan
+from wzsumo.scenario.scenario import Scenario
+from wzsumo.spec import write_toml
+
+NOT_RUN = {"slam": "not part of this run; `make baselines` runs it in the paper's zone, --method in any other"}
 
 
-def write_traces(collected: pd.DataFrame, *, used: pd.DataFrame, folder: Path) -> None:
+def write_case(result: CaseResult, folder: Path) -> dict[str, Any]:
+    """Write scenario, layout, traffic, traces, mixture, and each method's map, paths and drive; the content of result.json."""
+    write_layout(result.scenario.layout(), folder)
+    write_toml(result.scenario.model_dump(mode="json"), folder / "scenario.toml")
+    _write_traffic(result.fleet.traffic, folder)
+    _write_traces(result.collected, used=result.crowd.traces, folder=folder)
+    _write_crowd(result.crowd, folder)
+    for name, method in result.methods.items():
+        _write_method(folder, name, method)
+    for name, plan in result.to_open_lane.items():
+        _write_path(folder, f"{name}_to_open_lane", plan)
+    content: dict[str, Any] = _without_nan(result_json(result))
+    (folder / "result.json").write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return content
+
+
+def result_json(result: CaseResult) -> dict[str, Any]:
+    """The figures of a case by the names that result.json has for them."""
+    scenario, fleet = result.scenario, result.fleet
+    return {
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "version": __version__,
+        "n_collected": int(result.collected["vehicle_id"].nunique()),
+        "n_traces": int(result.crowd.traces["vehicle_id"].nunique()),
+        "n_components": result.crowd.mixture.n_components,
+        "n_components_rule": scenario.mixture.criterion,
+        "fleet": asdict(fleet.summary),
+        "traffic": asdict(fleet.traffic.summary) | {"hcm_queue_discharge_vph": _hcm_queue_discharge_vph(scenario)},
+        "drivers": scenario.zone_simulation().demand.drivers.model_dump(mode="json"),
+        "methods": {name: method.figures for name, method in result.methods.items()},
+        "slam": lidar_figures(result.lidar) if result.lidar else {},
+        "not_run": {} if result.lidar else NOT_RUN,
+        "timings_s": dict(result.seconds),
+    }
+
+
+def _hcm_queue_discharge_vph(scenario: Scenario) -> float | None:
+    """What the HCM lets the zone discharge [veh/h], all lanes; None where its model does not hold."""
+    try:
+        return scenario.capacity().queue_discharge_all_lanes_vph
+    except SpecError:
+        return None
+
+
+def _without_nan(value: Any) -> Any:
+    """The value with None for every number that is not finite: JSON knows no NaN."""
+    if isinstance(value, Mapping):
+        return {key: _without_nan(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _write_traces(collected: pd.DataFrame, *, used: pd.DataFrame, folder: Path) -> None:
     """Write traces.parquet: every collected trace as it was reported; `used` marks those that made the maps."""
     traces = collected.assign(used=collected["vehicle_id"].isin(used["vehicle_id"].unique()))
     traces.to_parquet(folder / "traces.parquet", index=False)
 
 
-def write_crowd(crowd: Crowd, folder: Path) -> None:
+def _write_crowd(crowd: Crowd, folder: Path) -> None:
     """Write what was learned of the traces: mixture_sweep.csv, mixture.json, samples.csv."""
     crowd.sweep.table.to_csv(folder / "mixture_sweep.csv", index=False)
     mixture = {name: getattr(crowd.mixture, name).tolist() for name in ("weights", "means", "covariances")}
@@ -29,37 +91,24 @@ def write_crowd(crowd: Crowd, folder: Path) -> None:
     pd.DataFrame(crowd.samples, columns=["x_m", "y_m"]).to_csv(folder / "samples.csv", index=False, float_format="%.4f")
 
 
-def write_method(folder: Path, method: str, grid: OccupancyGrid, plan: Plan, run: EgoRun | None) -> None:
+def _write_method(folder: Path, name: str, result: MethodResult) -> None:
     """Write a method's map, and its path and drive where there are any."""
-    for name in ("maps", "paths", "drives"):
-        (folder / name).mkdir(exist_ok=True)
-    write_map(grid, folder / "maps", name=method)
-    write_path(folder, method, plan)
-    if run:
-        run.log.to_csv(folder / "drives" / f"{method}.csv", index=False, float_format="%.5f")
-        run.traffic.to_parquet(folder / "drives" / f"{method}_traffic.parquet", index=False)
+    for kind in ("maps", "paths", "drives"):
+        (folder / kind).mkdir(exist_ok=True)
+    write_map(result.grid, folder / "maps", name=name)
+    _write_path(folder, name, result.plan)
+    if result.run:
+        result.run.log.to_csv(folder / "drives" / f"{name}.csv", index=False, float_format="%.5f")
+        result.run.traffic.to_parquet(folder / "drives" / f"{name}_traffic.parquet", index=False)
 
 
-def write_path(folder: Path, name: str, plan: Plan) -> None:
+def _write_path(folder: Path, name: str, plan: Plan) -> None:
     """Write paths/NAME.csv where the plan has a path."""
     if plan.path:
         plan.path.to_csv(folder / "paths" / f"{name}.csv")
 
 
-def write_result(result: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The result as result.json has it, where a figure that there is not is null: JSON knows no NaN."""
-    plain: dict[str, Any] = _without_nan(result)
-    (folder / "result.json").write_text(json.dumps(plain, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    return plain
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_nan(item) for key, item in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def write_traffic(measures: TrafficMeasures, folder: Path) -> None:
+def _write_traffic(measures: TrafficMeasures, folder: Path) -> None:
     """Write traffic/{vehicles,minutes,stations}.csv and traffic/cells.parquet; `metrics.traffic` says what the columns are."""
     traffic = folder / "traffic"
     traffic.mkdir()

@@ -1,63 +1,140 @@
-"""The ways from traces to a map that stand side by side, by the names that the command line knows."""
+"""The map methods that stand side by side. One call of `register` makes a method appear wherever methods are named."""
 
-from wzsumo.case.crowd import Crowd
-from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+import shapely
+
+from wzsumo.case.crowd import Crowd, free_witnessed_ground
+from wzsumo.case.map_method import (
+    LidarMethod,
+    MadeMap,
+    MapBeforeMethod,
+    MapMethod,
+    MapTask,
+    MixtureMethod,
+    Source,
+    TracesMethod,
+)
 from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
-from wzsumo.crowd_mapping.mixture.maps import MixtureSpec, squares_map, swept_map
-from wzsumo.grid import OccupancyGrid
+from wzsumo.crowd_mapping.mixture.maps import squares_map, swept_map
+from wzsumo.errors import SpecError
+from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.scenario.scenario import Scenario
+from wzsumo.scenario.site import Site
 
 # Half a metre from the devices is to be left, and the edges of a crowd's map lie up to 0.3 m beyond them. With a wish for 1.2 m
 # the least of 100 planned clearances was 0.50 m, on swept maps with 1.0 m 0.45 m (16 zones, seeds 102, 103).
 CROWD_CLEARANCE_M = 1.2
+DEFAULT_METHOD = "lanes"  # of a map of anybody's traces
 PAPER_INFLATION_M = 0.7  # Chen et al. 2022, both mapping branches; the paper plans for a point on that map
 
-
-def paper_literal(
-    crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
-) -> OccupancyGrid:
-    """The paper's inverse grid with its 5 x 5 inch squares."""
-    del half_width_m, before, seed
-    return squares_map(crowd.samples, side_m=spec.literal_square_m, grid=cells)
+METHODS: dict[str, MapMethod] = {}  # by name, in the order in which they are shown
 
 
-def paper(
-    crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
-) -> OccupancyGrid:
-    """The paper's inverse grid with squares so large that the samples join."""
-    del half_width_m, before, seed
-    return squares_map(crowd.samples, side_m=spec.square_m, grid=cells)
+def register(method: MapMethod) -> MapMethod:
+    """The method, known by its name from now on. Raises SpecError where another one has that name."""
+    if METHODS.get(method.name, method) is not method:
+        raise SpecError(f"map method {method.name}: there is one of that name; give this one another name")
+    METHODS[method.name] = method
+    return method
 
 
-def swept(
-    crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
-) -> OccupancyGrid:
-    """The 95 % region of vehicle centres, swept by the vehicle's width."""
-    del before, seed
-    return swept_map(crowd.mixture, road=crowd.road, half_width_m=half_width_m, spec=spec, grid=cells)
+def method_named(name: str) -> MapMethod:
+    """The method of that name. Raises SpecError with the known names where there is none."""
+    if name not in METHODS:
+        raise SpecError(f"method {name}: unknown; known methods: {', '.join(METHODS)}")
+    return METHODS[name]
 
 
-def lanes(
-    crowd: Crowd, *, spec: MixtureSpec, cells: OccupancyGrid, half_width_m: float, before: MapBefore | None, seed: int
-) -> OccupancyGrid:
-    """The lanes that the traces were driven in, with a probability in every cell."""
-    del spec, seed
-    lane_spec = LaneStructureSpec(vehicle_width_m=2 * half_width_m)
-    return lane_structured_map(crowd.traces, spec=lane_spec, grid=cells, before=before).grid
+def methods_from(*sources: Source) -> dict[str, MapMethod]:
+    """The methods whose maps are made of one of the sources, by name."""
+    return {name: method for name, method in METHODS.items() if method.source in sources}
 
 
-MAP_METHODS = {method.__name__: method for method in (paper_literal, paper, swept, lanes)}
+def is_baseline(name: str) -> bool:
+    """Whether the method of that name stands for the practice of today: its maps are not made of the crowd's traces."""
+    return name in METHODS and METHODS[name].source is not Source.CROWD
 
 
-def planner_for(method: str, planner: PlannerSpec) -> PlannerSpec:
-    """The planner that belongs to a method.
+def chosen_methods(names: Iterable[str] | None, scenario: Scenario) -> tuple[MapMethod, ...]:
+    """The methods of these names; where none are given those of the crowd, and with a section `slam` in the scenario all."""
+    if names is not None:
+        return tuple(method_named(name) for name in names)
+    return tuple((METHODS if scenario.slam else methods_from(Source.CROWD)).values())
 
-    As in the paper its maps are inflated and searched for a point, without a guide. On the crowd's other maps more clearance is
-    wished for.
+
+def plan_for_a_point(planner: PlannerSpec) -> PlannerSpec:
+    """As in the paper: the map is inflated and searched for a point, without a guide."""
+    return planner.model_copy(update={"body": "point", "inflation_radius_m": PAPER_INFLATION_M, "guide_cost": 0.0})
+
+
+def plan_with_clearance(planner: PlannerSpec) -> PlannerSpec:
+    """The planner with CROWD_CLEARANCE_M preferred, or more where the scenario asks for more."""
+    return planner.model_copy(update={"preferred_clearance_m": max(planner.preferred_clearance_m, CROWD_CLEARANCE_M)})
+
+
+def _literal_squares(crowd: Crowd, task: MapTask) -> OccupancyGrid:
+    return squares_map(crowd.samples, side_m=crowd.spec.literal_square_m, grid=task.cells)
+
+
+def _joined_squares(crowd: Crowd, task: MapTask) -> OccupancyGrid:
+    return squares_map(crowd.samples, side_m=crowd.spec.square_m, grid=task.cells)
+
+
+def _swept(crowd: Crowd, task: MapTask) -> OccupancyGrid:
+    grid = swept_map(crowd.mixture, road=crowd.road, half_width_m=task.half_width_m, spec=crowd.spec, grid=task.cells)
+    return free_witnessed_ground(grid, crowd.traces, reach_m=task.witness_reach_m)
+
+
+def _lanes(traces: pd.DataFrame, task: MapTask) -> MadeMap:
+    made = lane_structured_map(
+        traces,
+        spec=LaneStructureSpec(vehicle_width_m=2 * task.half_width_m),
+        grid=task.cells,
+        before=task.before,
+        progress=lambda done, total: task.tell(done / total),
+    )
+    figures = {key: value for key, value in made.report.items() if key not in {"dropped", "n_dropped", "n_traces"}}
+    return MadeMap(free_witnessed_ground(made.grid, traces, reach_m=task.witness_reach_m), figures)
+
+
+def map_of_before(site: Site) -> OccupancyGrid:
+    """The lanes of the road free, whatever is closed now; shoulders are not for driving."""
+    road = site.layout.road
+    lanes = cells_inside(site.cells, road.strip(0.0, road.length, 0.0, road.travelled_width))
+    return site.cells.with_p_occupied(np.where(lanes, 0.0, 1.0))
+
+
+def map_of_before_with_devices(site: Site) -> OccupancyGrid:
+    """The map of before with the outline of every device occupied, as a crew that reports them would mark them.
+
+    Outlines are half a cell wider, so that each device fills the cell that it stands in.
     """
-    if method in {"paper_literal", "paper"}:
-        return planner.model_copy(update={"body": "point", "inflation_radius_m": PAPER_INFLATION_M, "guide_cost": 0.0})
-    if method in {"swept", "lanes"}:
-        wish = max(planner.preferred_clearance_m, CROWD_CLEARANCE_M)
-        return planner.model_copy(update={"preferred_clearance_m": wish})
-    return planner
+    outlines = shapely.buffer(site.layout.device_outlines, site.cells.resolution / 2)
+    marked = cells_inside(site.cells, shapely.union_all(outlines))
+    return site.cells.with_p_occupied(np.where(marked, 1.0, map_of_before(site).p_occupied))
+
+
+for _method in (
+    MixtureMethod(
+        name="paper_literal", title="crowd: the paper's squares of 5 in", make=_literal_squares, planner=plan_for_a_point
+    ),
+    MixtureMethod(
+        name="paper", title="crowd: squares so large that the samples join", make=_joined_squares, planner=plan_for_a_point
+    ),
+    MixtureMethod(
+        name="swept", title="crowd: 95 % region of the mixture, swept by the vehicle", make=_swept, planner=plan_with_clearance
+    ),
+    TracesMethod(
+        name="lanes", title="crowd: lanes inferred from the traces", make=_lanes, planner=plan_with_clearance, cpu_s=2.0
+    ),
+    LidarMethod(name="slam_raw", title="(a) LiDAR SLAM, raw bird's-eye view", form=lambda maps: maps.birds_eye),
+    LidarMethod(name="slam_log_odds", title="(b) LiDAR SLAM, log-odds with carved free space", form=lambda maps: maps.log_odds),
+    LidarMethod(name="slam_barrier", title="(c) LiDAR SLAM, devices joined into a barrier", form=lambda maps: maps.barrier),
+    MapBeforeMethod(name="hd_map", title="HD map of before", make=map_of_before),
+    MapBeforeMethod(name="hd_map_devices", title="HD map of before, devices marked", make=map_of_before_with_devices),
+):
+    register(_method)

@@ -1,36 +1,50 @@
 """A map from anybody's traces: the cells around them, and the map that a method makes there."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from wzsumo.case.case import Progress
-from wzsumo.case.crowd import learn_from
-from wzsumo.case.methods import MAP_METHODS
+from wzsumo.case.map_method import CrowdMethod, MapTask, Source
+from wzsumo.case.methods import METHODS, method_named, methods_from
+from wzsumo.case.watch import Progress
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
-from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
-from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
-from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
-from wzsumo.errors import InputError
+from wzsumo.errors import InputError, SpecError
 from wzsumo.grid import OccupancyGrid, blank_grid
-from wzsumo.scenario.road_before import with_road_outside
+from wzsumo.scenario.road_before import check_on_road, read_map_before
 from wzsumo.vehicle import VehicleGeometry
 
 MAP_MARGIN_M = 10.0  # around the traces
-
-
 MOST_CELLS = 100_000_000  # 1.3 km by 1.3 km at 0.127 m: 0.4 GB while the map is made
 
 
-MIXTURE_FIXES = 100_000  # evenly taken for a mixture: 300 traces of 10 Hz, and as much as tells 30 components apart
+def crowd_method(name: str, *, road: Path | None) -> CrowdMethod:
+    """The method of that name. Raises InputError where it makes no map of traces, or no use of a road that is given."""
+    method = method_named(name)
+    if not isinstance(method, CrowdMethod):
+        known = ", ".join(methods_from(Source.CROWD))
+        raise SpecError(f"method {name}: makes no map of traces; methods that do: {known}")
+    if road and not method.joins_road:
+        others = ", ".join(n for n, m in METHODS.items() if isinstance(m, CrowdMethod) and m.joins_road)
+        raise InputError(f"--road {road}: the method {name} makes no use of the road; leave --road out or take {others}")
+    return method
+
+
+def read_road(road: Path | None, traces: pd.DataFrame, *, source: str) -> MapBefore | None:
+    """The road before the zone by its file, None where none is given. Raises InputError where the traces are not on it."""
+    if road is None:
+        return None
+    before = read_map_before(road)
+    check_on_road(traces, before, source=source, road_source=str(road))
+    return before
 
 
 def map_of_traces(
     traces: pd.DataFrame,
+    method: CrowdMethod,
     *,
     source: str,
-    method: str,
     seed: int,
     resolution_m: float,
     before: MapBefore | None,
@@ -39,11 +53,10 @@ def map_of_traces(
     """The map of usable traces, and what was learned of them. Raises InputError, naming `source`, where they spread too far."""
     cells = _cells_around(traces, source=source, resolution_m=resolution_m)
     half_width = float(traces["width_m"].median()) / 2 if "width_m" in traces else VehicleGeometry().width_m / 2
-    if method == "lanes":
-        grid, learned = _lanes(traces, cells, half_width_m=half_width, before=before, progress=progress)
-    else:
-        grid, learned = _by_mixture(method, traces, cells, half_width_m=half_width, seed=seed, progress=progress)
-    return grid, {"vehicle_width_m": 2 * half_width, **learned}
+    with progress(f"map {method.name}", 1.0) as tell:
+        task = MapTask(cells=cells, half_width_m=half_width, seed=seed, before=before, tell=tell)
+        grid, figures = method.map_of_traces(traces, task)
+    return grid, {"vehicle_width_m": 2 * half_width, **figures}
 
 
 def _cells_around(traces: pd.DataFrame, *, source: str, resolution_m: float) -> OccupancyGrid:
@@ -58,37 +71,3 @@ def _cells_around(traces: pd.DataFrame, *, source: str, resolution_m: float) -> 
             f"{coarser:g}"
         )
     return blank_grid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), resolution=resolution_m, p_occupied=1.0)
-
-
-def _lanes(
-    traces: pd.DataFrame,
-    cells: OccupancyGrid,
-    *,
-    half_width_m: float,
-    before: MapBefore | None,
-    progress: Progress,
-) -> tuple[OccupancyGrid, dict[str, Any]]:
-    spec = LaneStructureSpec(vehicle_width_m=2 * half_width_m)
-    with progress("lanes", 1.0) as tell:
-        made = lane_structured_map(
-            traces, spec=spec, grid=cells, before=before, progress=lambda done, total: tell(done / total)
-        )
-    figures = {key: value for key, value in made.report.items() if key not in {"dropped", "n_dropped", "n_traces"}}
-    return with_road_outside(made.grid, before) if before else made.grid, figures
-
-
-def _by_mixture(
-    method: str, traces: pd.DataFrame, cells: OccupancyGrid, *, half_width_m: float, seed: int, progress: Progress
-) -> tuple[OccupancyGrid, dict[str, Any]]:
-    spec = MixtureSpec()
-    part = traces.iloc[:: max(1, -(-len(traces) // MIXTURE_FIXES))]
-    with progress("mixtures", 1.0) as tell:
-        crowd = learn_from(
-            part,
-            road=reference_line_from_traces(part),
-            spec=spec,
-            seed=seed,
-            progress=lambda done, total: tell(done / total),
-        )
-    grid = MAP_METHODS[method](crowd, spec=spec, cells=cells, half_width_m=half_width_m, before=None, seed=seed)
-    return grid, {"n_components": crowd.mixture.n_components}

@@ -1,5 +1,6 @@
-"""What `wzsumo sweep` does, and how it tells a person."""
+"""The command `sweep`: what is missing of a study, and how it tells a person of it."""
 
+import argparse
 import os
 import sys
 import time
@@ -11,35 +12,49 @@ from typing import Any
 
 from tqdm import tqdm
 
+from wzsumo.commands.arguments import add_out_folder, count
 from wzsumo.sweep.cluster import ClusterWorkers
 from wzsumo.sweep.estimate import estimate
 from wzsumo.sweep.results import RESULTS, read_results
-from wzsumo.sweep.study_case import code_version
 from wzsumo.sweep.study_file import load_study
 from wzsumo.sweep.sweep import Advance, run_sweep
+from wzsumo.sweep.version import code_version
 from wzsumo.sweep.workers import LocalWorkers
 
+MORE = """\
+A study file (see scenarios/studies) names base scenarios, methods, and factors: any keys of the scenario, as a grid. Cases that
+share a simulation run it once. Stop it whenever you like; the same command goes on with what is missing.
+"""
 LINE_EVERY_S = 10.0  # where progress goes to a file
 
 
-def sweep_study(
-    study_file: Path, out: Path, *, workers: int | None = None, scheduler: str | None = None, dry_run: bool = False
-) -> dict[str, Any]:
-    """Run what is missing of a study into `out`, or only say how much that is; figures of it."""
-    study = load_study(study_file)
-    cores = workers or len(os.sched_getaffinity(0))
-    if dry_run:
-        finished = set(read_results(out)["case"]) if (out / RESULTS).is_file() else set()
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What it takes."""
+    parser.add_argument("study", type=Path, metavar="STUDY.toml")
+    add_out_folder(parser)
+    parser.add_argument("--workers", type=count, metavar="N", help="processes (default: one a core)")
+    parser.add_argument(
+        "--scheduler", metavar="ADDRESS", help="of a Dask cluster that runs already, such as tcp://10.0.0.1:8786"
+    )
+    parser.add_argument("--dry-run", action="store_true", help="say how many cases and simulations, and about how long")
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Run what is missing of a study into a folder, or only say how much that is; figures of it."""
+    study = load_study(args.study)
+    cores = args.workers or len(os.sched_getaffinity(0))
+    if args.dry_run:
+        finished = set(read_results(args.out)["case"]) if (args.out / RESULTS).is_file() else set()
         work = estimate(study, finished=finished)
         return asdict(work) | {"workers": cores, "about_s": round(work.wall_clock_s(cores), 1)}
-    crew = ClusterWorkers(scheduler, version=code_version) if scheduler else LocalWorkers(cores)
-    summary = run_sweep(study, out, workers=crew, progress=case_progress, tell=tell)
-    for reason, count in summary.failures.items():
-        tell(f"{count} case(s) failed twice: {reason}")
+    crew = ClusterWorkers(args.scheduler, version=code_version) if args.scheduler else LocalWorkers(cores)
+    summary = run_sweep(study, args.out, workers=crew, progress=case_progress, tell=tell_person)
+    for reason, count_of_it in summary.failures.items():
+        tell_person(f"{count_of_it} case(s) failed twice: {reason}")
     return asdict(summary) | {"results": str(summary.results), "failures": dict(summary.failures)}
 
 
-def tell(line: str) -> None:
+def tell_person(line: str) -> None:
     """Write a line to stderr, above a progress bar where there is one."""
     tqdm.write(f"wzsumo: {line}", file=sys.stderr)
 
@@ -57,7 +72,7 @@ def case_progress(finished: int, total: int) -> Iterator[Advance]:
         return
     began = last = time.monotonic()
     done = finished
-    tell(f"{done} of {total} cases finished")
+    tell_person(f"{done} of {total} cases finished")
 
     def advance(count: int) -> None:
         nonlocal done, last
@@ -66,6 +81,6 @@ def case_progress(finished: int, total: int) -> Iterator[Advance]:
         if now - last >= LINE_EVERY_S or done == total:
             last = now
             left = (now - began) / (done - finished) * (total - done)
-            tell(f"{done} of {total} cases finished, about {left:.0f} s left")
+            tell_person(f"{done} of {total} cases finished, about {left:.0f} s left")
 
     yield advance

@@ -1,5 +1,6 @@
 """The command `warm`: compile all kernels once."""
 
+import argparse
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,12 @@ from wzsumo.case.crowd import learn_from
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.grid import blank_grid
 
-Figures = dict[str, Any]
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What it takes: nothing."""
 
 
-def warm_up() -> Figures:
+def run(args: argparse.Namespace) -> dict[str, Any]:  # noqa: ARG001 - it takes nothing
     """Compile every numba kernel once, so that no first run waits."""
     from wzsumo.crowd_mapping.course.reference_line import axis_of
     from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map

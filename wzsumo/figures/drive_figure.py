@@ -4,7 +4,6 @@ import numpy as np
 import shapely
 from matplotlib.figure import Figure
 
-from wzsumo.case.result_folder import ResultFolder
 from wzsumo.figures.unrolled import unrolled_area, unrolled_points
 from wzsumo.figures.zone_axes import (
     BLACK,
@@ -18,6 +17,7 @@ from wzsumo.figures.zone_axes import (
     show_zone,
     thirds,
 )
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.frames import advance
 
 

@@ -7,14 +7,15 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from wzsumo.case.baselines import BASELINE_METHODS
-from wzsumo.case.result_folder import ResultFolder
+from wzsumo.case.map_method import Source
+from wzsumo.case.methods import is_baseline, methods_from
 from wzsumo.figures.drive_figure import draw_drive
 from wzsumo.figures.figure_files import ReportFigure, write_planned
 from wzsumo.figures.layout_figure import draw_zone
 from wzsumo.figures.map_figures import draw_baseline_paths, draw_crowd_and_slam, draw_maps, draw_truth
 from wzsumo.figures.mixture_figures import draw_components, draw_criteria, draw_samples
 from wzsumo.figures.traffic_figures import draw_space_time
+from wzsumo.files.result_folder import ResultFolder
 
 
 def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
@@ -24,7 +25,7 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
     run_of = f"n = {n} traces, seed {seed}."
     truth = "Truth is the drivable area of the layout, device line to edge line, within the zone."
     with_map = [name for name in run.methods if run.map_of(name) is not None]
-    baselines = [name for name in with_map if name in BASELINE_METHODS]
+    baselines = [name for name in with_map if is_baseline(name)]
     mapped = [name for name in with_map if name not in baselines]
     driven = [name for name in run.methods if run.drive_of(name) is not None and name not in baselines]
     plans: list[tuple[str, Callable[[], Figure], str, str]] = [
@@ -72,10 +73,11 @@ def _baseline_plans(
          "Maps of one LiDAR mapping drive and of the HD map from before the zone, and the paths planned on them. "
          f"“Neither”: p(occupied) from 0.196 to 0.65. {run_of}")
     ]  # fmt: skip
-    if crowd and "slam_raw" in baselines:
+    scanned = next((name for name in baselines if name in methods_from(Source.LIDAR)), None)
+    if crowd and scanned:
         best = max(crowd, key=lambda name: run.methods[name].get("iou") or 0.0)
         plans.append(
-            ("fig09_crowd_and_slam", partial(draw_crowd_and_slam, run, best, "slam_raw"),
+            ("fig09_crowd_and_slam", partial(draw_crowd_and_slam, run, best, scanned),
              f"The crowd's map and the SLAM map, {best} (paper: Fig. 9)",
              "What the crowd's map calls free, and every cell that the LiDAR hit, passing vehicles included; the truth is the "
              f"drivable area of the layout. {run_of}")

@@ -5,7 +5,6 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wzsumo.case.result_folder import ResultFolder
 from wzsumo.figures.unrolled import unrolled_area
 from wzsumo.figures.zone_axes import (
     AXES_IN,
@@ -20,6 +19,7 @@ from wzsumo.figures.zone_axes import (
     show_zone,
     stacked_figure,
 )
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.frames import BoolArray
 from wzsumo.units import feet_from_metres
 

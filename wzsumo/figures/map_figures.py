@@ -5,7 +5,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from wzsumo.case.result_folder import ResultFolder
+from wzsumo.case.methods import METHODS
 from wzsumo.figures.unrolled import unrolled_area, unrolled_points
 from wzsumo.figures.zone_axes import (
     BLACK,
@@ -23,6 +23,7 @@ from wzsumo.figures.zone_axes import (
     show_zone,
     thirds,
 )
+from wzsumo.files.result_folder import ResultFolder
 
 
 def draw_maps(run: ResultFolder, methods: list[str]) -> Figure:
@@ -66,15 +67,6 @@ def draw_truth(run: ResultFolder, method: str) -> Figure:
     return figure
 
 
-NAMES = {
-    "slam_raw": "(a) LiDAR SLAM, raw bird's-eye view",
-    "slam_log_odds": "(b) LiDAR SLAM, log-odds with carved free space",
-    "slam_barrier": "(c) LiDAR SLAM, devices joined into a barrier",
-    "hd_map": "HD map of before",
-    "hd_map_devices": "HD map of before, devices marked",
-}
-
-
 def draw_baseline_paths(run: ResultFolder, methods: list[str]) -> Figure:
     """The map of every baseline and what is planned on it, to the ego's own lane and to the open lane (paper: 8 and 10)."""
     figure, rows = new_figure(len(methods), row_height=1.5, head=0.6)
@@ -92,7 +84,7 @@ def draw_baseline_paths(run: ResultFolder, methods: list[str]) -> Figure:
                 label = "path to the open lane" if suffix else "path to the ego's own lane"
                 stations, offsets = run.road.to_sd(path[["x_m", "y_m"]])
                 axes.plot(stations, offsets, color=colour, linestyle=style, linewidth=1.4, label=label, zorder=6)
-        axes.set_title(NAMES.get(name, plain(name)), fontsize=9, loc="left")
+        axes.set_title(plain(METHODS[name].title if name in METHODS else name), fontsize=9, loc="left")
     labelled = {label: handle for axes in rows for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     states = (("white", "free"), (GREY, "neither"), (BLACK, "occupied"))
     patches = [Patch(facecolor=colour, edgecolor=BLACK, label=label) for colour, label in states]

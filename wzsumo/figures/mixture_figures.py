@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from wzsumo.case.result_folder import ResultFolder
 from wzsumo.figures.zone_axes import BLACK, BLUE, VERMILION, legend_above, new_figure, plain, show_zone
+from wzsumo.files.result_folder import ResultFolder
 
 CHI2_95 = 5.991464547107979  # 95 % quantile of chi-squared with 2 degrees of freedom: -2 ln 0.05
 

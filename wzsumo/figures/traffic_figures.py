@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from wzsumo.case.result_folder import ResultFolder
 from wzsumo.figures.zone_axes import BLACK, new_figure, plain
+from wzsumo.files.result_folder import ResultFolder
 
 
 def draw_space_time(run: ResultFolder, cells: pd.DataFrame) -> Figure:

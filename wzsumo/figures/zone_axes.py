@@ -14,8 +14,8 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.case.result_folder import ResultFolder
 from wzsumo.figures.unrolled import unrolled_area, unrolled_cells
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.grid import OccupancyGrid
 
 # Okabe and Ito 2008, "Color universal design": eight colours that the colour-blind tell apart.

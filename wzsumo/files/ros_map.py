@@ -15,11 +15,12 @@ from wzsumo.grid import FREE_THRESHOLD, OCCUPIED_THRESHOLD, UNKNOWN, OccupancyGr
 _USUAL_THRESHOLDS = {"occupied_thresh": OCCUPIED_THRESHOLD, "free_thresh": FREE_THRESHOLD}
 
 
-def write_map(grid: OccupancyGrid, folder: Path, *, name: str = "map") -> Path:
+def write_map(grid: OccupancyGrid, folder: Path | str, *, name: str = "map") -> Path:
     """Write NAME.pgm and NAME.yaml for ROS map_server (mode "scale": grey is probability); returns the path of the YAML.
 
     The image's first row is the map's top. Grey = 255 (1 - p): p comes back within 1/510.
     """
+    folder = Path(folder)
     grey = np.round(255 * (1 - grid.p_occupied[::-1])).astype(np.uint8)
     Image.fromarray(grey).save(folder / f"{name}.pgm")
     metadata = {
@@ -38,12 +39,13 @@ def write_map(grid: OccupancyGrid, folder: Path, *, name: str = "map") -> Path:
     return path
 
 
-def read_map(path: Path) -> OccupancyGrid:
+def read_map(path: Path | str) -> OccupancyGrid:
     """The map of a ROS map_server YAML file (modes trinary, scale, raw) and its image.
 
     A trinary map becomes 0, 0.5 (unknown) and 1 by the file's own thresholds. Raises MapError where the two files do not
     fit together. Source: ROS map_server documentation, "Value Interpretation".
     """
+    path = Path(path)
     metadata = _read_metadata(path)
     image = _read_image(path, metadata)
     grey, alpha = (image[..., 0], image[..., 1]) if image.ndim == 3 else (image, None)

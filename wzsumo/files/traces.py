@@ -9,9 +9,9 @@ from wzsumo.errors import TraceError
 from wzsumo.tables import check_traces
 
 
-def read_traces(path: Path) -> pd.DataFrame:
+def read_traces(path: Path | str) -> pd.DataFrame:
     """The checked trace table of a .parquet or .csv file. Raises TraceError."""
-    return check_traces(read_fixes(path), source=str(path))
+    return check_traces(read_fixes(Path(path)), source=str(path))
 
 
 def read_fixes(path: Path) -> pd.DataFrame:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.case.result_folder import ResultFolder
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.frames import advance
 
 FRAME_S = 0.2  # between two frames; the page interpolates

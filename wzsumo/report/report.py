@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wzsumo.case.baselines import BASELINE_METHODS, SLAM_METHODS
-from wzsumo.case.result_folder import ResultFolder, read_result_folder
+from wzsumo.case.map_method import Source
+from wzsumo.case.methods import is_baseline, methods_from
 from wzsumo.ego import Outcome
 from wzsumo.errors import OutputError
+from wzsumo.files.result_folder import ResultFolder, read_result_folder
 from wzsumo.report.drive_player import player_data
 from wzsumo.report.page import page_template
-from wzsumo.report.tables import goal_rows, traffic_rows
+from wzsumo.report.tables import goal_rows, outcome_in_words, traffic_rows
 
 DASH = "-"
 CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
@@ -41,7 +42,7 @@ def write_report(folder: Path) -> Path:
 
 def best_method(methods: Mapping[str, Mapping[str, Any]]) -> str | None:
     """The crowd's method whose map has the highest IoU, among those that reached the goal where any did."""
-    crowd = {name: m for name, m in methods.items() if name not in BASELINE_METHODS}
+    crowd = {name: m for name, m in methods.items() if not is_baseline(name)}
     arrived = {name: m for name, m in crowd.items() if m.get("outcome") == Outcome.REACHED_GOAL}
     candidates = arrived or crowd
     return max(candidates, key=lambda name: candidates[name].get("iou") or 0.0, default=None)
@@ -97,7 +98,7 @@ def _slam_facts(slam: Mapping[str, Any]) -> str:
 
 def _not_run(result: Mapping[str, Any]) -> dict[str, str]:
     methods, not_run = result.get("methods") or {}, dict(result.get("not_run") or {})
-    if not any(name in SLAM_METHODS for name in methods):
+    if not methods_from(Source.LIDAR).keys() & methods.keys():
         not_run.setdefault("slam", "not part of this run")
     return not_run
 
@@ -106,7 +107,9 @@ def _verdict(method: Mapping[str, Any]) -> dict[str, str]:
     if not method:
         return {}
     yes = method.get("outcome") == Outcome.REACHED_GOAL
-    return {"answer": "Yes" if yes else "No", "end": _outcome(method), "reason": _text(method.get("reason"))} | _row(method)
+    return {"answer": "Yes" if yes else "No", "end": outcome_in_words(method), "reason": _text(method.get("reason"))} | _row(
+        method
+    )
 
 
 def _comparison(run: ResultFolder, best: str | None) -> list[tuple[str, str, str]]:
@@ -128,7 +131,7 @@ def _method_row(name: str, method: Mapping[str, Any]) -> dict[str, str]:
     plan_ms = method.get("plan_ms")
     return _row(method) | {
         "name": name,
-        "outcome": _outcome(method),
+        "outcome": outcome_in_words(method),
         "reason": _text(method.get("reason")),
         "n_traces": _text(method.get("n_traces")),
         "n_components": _text(method.get("n_components")),
@@ -157,10 +160,6 @@ def _fleet_rows(fleet: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("Lateral scatter between vehicles (standard deviation)", metres(fleet.get("lateral_sd_m"))),
         ("Merge position from the start of the merging taper, quantiles", quantiles or DASH),
     ]
-
-
-def _outcome(method: Mapping[str, Any]) -> str:
-    return _text(method.get("outcome")).replace("_", " ").lower()
 
 
 def _text(value: object) -> str:

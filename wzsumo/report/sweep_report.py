@@ -7,13 +7,13 @@ from typing import Any
 
 import pandas as pd
 
-from wzsumo.case.baselines import BASELINE_METHODS
+from wzsumo.case.methods import is_baseline
 from wzsumo.files.output import write_whole
 from wzsumo.report.page import page_template
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study
-from wzsumo.sweep.study_case import code_version
 from wzsumo.sweep.summary import GOOD_ENOUGH, TRACES, compare, summarise, traces_needed, write_table
+from wzsumo.sweep.version import code_version
 
 MOST_ROWS = 2000  # of cases on a page; the rest is in results.parquet
 MEASURES = ("safe_plan", "iou", "precision", "recall", "planned_min_clearance_devices_m")
@@ -56,7 +56,7 @@ def write_sweep_report(folder: Path) -> Path:
 
 def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
     """Sentences that answer the study, a method each."""
-    takes_traces = ~table["method"].isin(BASELINE_METHODS) & (TRACES in factors)
+    takes_traces = ~table["method"].map(is_baseline).astype(bool) & (TRACES in factors)
     lines = _traces_answers(table, factors) if takes_traces.any() else []
     if takes_traces.all():
         return lines

@@ -1,9 +1,16 @@
-"""The traffic measures of a result.json as the rows of the report's table."""
+"""What result.json says, as the rows of a report's tables."""
 
 from collections.abc import Mapping
 from typing import Any
 
 DASH = "-"
+GOALS = ("own_lane", "open_lane")
+# What to say of a plan that has no path, by its status.
+_NO_PATH_IN_WORDS = {
+    "LIMIT_REACHED": "planner gave up at its limit",
+    "START_OCCUPIED": "start is not free",
+    "GOAL_OCCUPIED": "goal is not free",
+}
 # Key of result.json["traffic"], what it says, its unit, decimals.
 _ROWS = (
     ("n_vehicles", "Vehicles due to enter the road", "", 0),
@@ -43,7 +50,16 @@ def _value(value: float | None, unit: str, decimals: int) -> str:
     return DASH if value is None else f"{value:.{decimals}f} {unit}".rstrip()
 
 
-GOALS = ("own_lane", "open_lane")
+def outcome_code(figures: Mapping[str, Any], key: str = "outcome") -> str:
+    """The outcome under `key`; where there is no path, how planning ended. Giving up does not show that none exists."""
+    outcome, status = str(figures.get(key) or DASH), figures.get("plan_status")
+    return str(status) if outcome == "NO_PATH" and status in _NO_PATH_IN_WORDS else outcome
+
+
+def outcome_in_words(figures: Mapping[str, Any], key: str = "outcome") -> str:
+    """The same as a reader would say it."""
+    code = outcome_code(figures, key)
+    return _NO_PATH_IN_WORDS.get(code, code.replace("_", " ").lower())
 
 
 def goal_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
@@ -57,7 +73,7 @@ def goal_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
         for goal in GOALS:
             figures = goals.get(goal) or {}
             row |= {
-                f"{goal}_outcome": str(figures.get("planned_outcome") or "-").replace("_", " ").lower(),
+                f"{goal}_outcome": outcome_in_words(figures, "planned_outcome"),
                 f"{goal}_closed": _percent(figures.get("closed_area_share")),
                 f"{goal}_struck": "-" if figures.get("n_devices_struck") is None else str(figures["n_devices_struck"]),
             }

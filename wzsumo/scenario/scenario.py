@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
 from shapely import Polygon
@@ -14,7 +14,7 @@ from wzsumo.errors import SpecError
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.road import Road, RoadSpec
-from wzsumo.scenario.sections import ControlSection, CrowdSpec, MapSpec, MapUpdatesSpec, RouteSpec, SlamSpec
+from wzsumo.scenario.sections import ControlSection, CrowdSpec, Decides, MapSpec, MapUpdatesSpec, RouteSpec, SlamSpec
 from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.departures import check_departures
 from wzsumo.simulation.drivers import BY_THE_HCM, UNCALIBRATED, hcm_drivers
@@ -31,23 +31,23 @@ REACH_M = 20.0  # the vehicle reaches beyond its rear axle, and so do the maps b
 class Scenario(Spec):
     """One case: frozen, and with its seed all that decides the result."""
 
-    name: str = Field(min_length=1, pattern=r"^[\w.-]+$")
-    seed: int = Field(ge=0)
-    road: RoadSpec
-    work_zone: WorkZone
-    site: SiteSpec = SiteSpec()
-    simulation: SimulationSpec = SimulationSpec()
-    crowd: CrowdSpec = CrowdSpec()
-    gnss: GnssSpec = GnssSpec(error_m=0.0, sampling_interval_s=0.1)
-    mixture: MixtureSpec = MixtureSpec()
-    map: MapSpec = MapSpec()
-    route: RouteSpec
-    map_updates: MapUpdatesSpec | None = None  # none: the ego drives on the map that it set out with
-    slam: SlamSpec | None = None  # the LiDAR SLAM baseline is part of every run where this section is given
-    vehicle: VehicleGeometry = VehicleGeometry()
-    planner: PlannerSpec = PlannerSpec()
-    control: ControlSection = ControlSection()
-    plant: PlantSpec = PlantSpec()
+    name: Annotated[str, Decides.NOTHING] = Field(min_length=1, pattern=r"^[\w.-]+$")
+    seed: Annotated[int, Decides.SIMULATION] = Field(ge=0)
+    road: Annotated[RoadSpec, Decides.SIMULATION]
+    work_zone: Annotated[WorkZone, Decides.SIMULATION]
+    site: Annotated[SiteSpec, Decides.SIMULATION] = SiteSpec()
+    simulation: Annotated[SimulationSpec, Decides.SIMULATION] = SimulationSpec()
+    crowd: Annotated[CrowdSpec, Decides.REPORTS] = CrowdSpec()
+    gnss: Annotated[GnssSpec, Decides.REPORTS] = GnssSpec(error_m=0.0, sampling_interval_s=0.1)
+    mixture: Annotated[MixtureSpec, Decides.REPORTS] = MixtureSpec()
+    map: Annotated[MapSpec, Decides.SITE] = MapSpec()
+    route: Annotated[RouteSpec, Decides.SITE]
+    map_updates: Annotated[MapUpdatesSpec | None, Decides.DRIVE] = None  # none: the ego drives on its first map
+    slam: Annotated[SlamSpec | None, Decides.LIDAR] = None  # where it is given, the LiDAR maps are part of every run
+    vehicle: Annotated[VehicleGeometry, Decides.SITE] = VehicleGeometry()
+    planner: Annotated[PlannerSpec, Decides.DRIVE] = PlannerSpec()
+    control: Annotated[ControlSection, Decides.DRIVE] = ControlSection()
+    plant: Annotated[PlantSpec, Decides.DRIVE] = PlantSpec()
 
     def layout(self) -> WorkZoneLayout:
         """The layout of the zone on its road."""
@@ -123,6 +123,16 @@ class Scenario(Spec):
         if self.route.open_goal_lane is None:
             return None
         return _lane_pose(layout.road, layout.end + self.route.goal_after_zone_m, self.route.open_goal_lane)
+
+
+def sections_that_decide(*what: Decides) -> set[str]:
+    """The names of the sections of a scenario that decide one of these."""
+    return {name for name, section in Scenario.model_fields.items() if set(what) & set(section.metadata)}
+
+
+def keys_that_decide(section: type[Spec], what: Decides) -> set[str]:
+    """The keys of a section that decide this, though the section as a whole decides something else."""
+    return {name for name, key in section.model_fields.items() if what in key.metadata}
 
 
 def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:

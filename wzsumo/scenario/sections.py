@@ -1,7 +1,8 @@
 """The sections of a scenario that no stage has as its own: crowd, route, map, control, map updates, LiDAR baseline."""
 
 import math
-from typing import Literal, Self
+from enum import StrEnum
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 from shapely import Polygon
@@ -16,6 +17,18 @@ from wzsumo.sensing.imu import ImuSpec, MappingGnssSpec
 from wzsumo.sensing.lidar import LidarSpec
 from wzsumo.sensing.scene import SceneSpec
 from wzsumo.spec import Spec
+
+
+class Decides(StrEnum):
+    """What a section of a scenario, or a key of a section, decides. Each section says so once, where `Scenario` names it."""
+
+    NOTHING = "nothing"  # a name
+    SIMULATION = "simulation"  # the traffic of the fleet, and with it all that follows
+    COLLECTION = "collection"  # when so many traces are there, and whether they ever are; not what they say
+    REPORTS = "reports"  # the traces that make the map, and what is learned from them
+    LIDAR = "LiDAR"  # what a LiDAR mapping drive sees and maps
+    SITE = "site"  # the cells of the maps, start and goal
+    DRIVE = "drive"  # the plan on a map, and the drive along it
 
 
 class MapSpec(Spec):
@@ -74,8 +87,9 @@ class SlamSpec(Spec):
 class CrowdSpec(Spec):
     """Whose traces are collected, and how many of them make the map."""
 
-    penetration: float = Field(0.15, gt=0, le=1)  # share of vehicles that report
-    collected: int = Field(30, ge=1)  # Chen et al. 2022
+    # The first `used` of the equipped vehicles are the same whatever share is equipped (see `sensing.equipped`).
+    penetration: Annotated[float, Decides.COLLECTION] = Field(0.15, gt=0, le=1)  # share of vehicles that report
+    collected: Annotated[int, Decides.COLLECTION] = Field(30, ge=1)  # Chen et al. 2022
     used: int = Field(5, ge=1)  # ibid.
 
 

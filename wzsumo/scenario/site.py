@@ -1,6 +1,6 @@
 """Site: a zone made ready for its maps, once for all that is mapped in it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,3 +49,8 @@ def prepare_site(scenario: Scenario) -> Site:
         counted=counted,
         drivable=drivable,
     )
+
+
+def site_with_open_goal(site: Site) -> Site | None:
+    """The site with the goal in the open lane; None where the scenario names none."""
+    return None if site.open_goal is None else replace(site, goal=site.open_goal)

@@ -7,10 +7,10 @@ from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from typing import Any
 
-from wzsumo.case.baselines import SLAM_METHODS
+from wzsumo.case.map_method import Source
 from wzsumo.sweep.store import ResultStore
 from wzsumo.sweep.study_case import StudyCase
-from wzsumo.sweep.tasks import evaluate, simulate
+from wzsumo.sweep.tasks import evaluate_cases, simulate
 
 BATCH = 32  # cases a task at most: some seconds of work, which is what a crash or a kill can cost
 SMALLEST_BATCH = 4  # each task reads the fleet anew, as long as a fifth of a case takes
@@ -53,7 +53,7 @@ class Agenda:
         while (work := self._next_work()) is not None:
             fleet = self._store.simulated(work.simulation)
             if work.cases and fleet is not None:
-                return work, evaluate, (fleet, work.cases), START_S + sum(map(_longest_s, work.cases))
+                return work, evaluate_cases, (fleet, work.cases), START_S + sum(map(_longest_s, work.cases))
             if work.cases:  # its file went meanwhile
                 self._simulate_again(work.simulation)
             elif fleet is not None:
@@ -126,4 +126,4 @@ class Agenda:
 
 
 def _longest_s(case: StudyCase) -> float:
-    return CASE_S + DRIVE_S * case.drive + LIDAR_S * (case.method in SLAM_METHODS)
+    return CASE_S + DRIVE_S * case.drive + LIDAR_S * (case.map_method.source is Source.LIDAR)

@@ -3,7 +3,7 @@
 from collections.abc import Container
 from dataclasses import dataclass
 
-from wzsumo.case.baselines import SLAM_METHODS
+from wzsumo.case.map_method import Source
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.sweep.study_file import Study
 from wzsumo.units import mps_from_mph
@@ -11,8 +11,6 @@ from wzsumo.units import mps_from_mph
 # Processor seconds on one core of 2020 (analysis/benchmarks/sweep.py measures them again). They depend on the machine: a
 # study's time is told as "about".
 SIMULATION_S_PER_VEHICLE_STEP = 28e-6  # sublane model, log of the fleet included
-CASE_S = {"lanes": 2.0}
-OTHER_CASE_S = 0.5
 DRIVE_S = 8.0
 LIDAR_S = 60.0  # a mapping drive of 500 scans
 START_S = 4.0  # of a worker process
@@ -38,8 +36,8 @@ def estimate(study: Study, *, finished: Container[str]) -> Estimate:
     simulated = {case.simulation: case.scenario for case in missing}
     seconds = sum(_simulation_s(scenario) for scenario in simulated.values())
     evaluated = {case.evaluation: case for case in missing}.values()
-    seconds += LIDAR_S * len({case.source for case in missing if case.method in SLAM_METHODS})
-    seconds += sum(CASE_S.get(case.method, OTHER_CASE_S) + DRIVE_S * case.drive for case in evaluated)
+    seconds += LIDAR_S * len({case.source for case in missing if case.map_method.source is Source.LIDAR})
+    seconds += sum(case.map_method.cpu_s + DRIVE_S * case.drive for case in evaluated)
     return Estimate(
         n_cases=len(study.cases), n_missing=len(missing), n_simulations=len(simulated), processor_s=round(seconds, 1)
     )

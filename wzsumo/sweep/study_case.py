@@ -4,35 +4,21 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 from typing import Any
 
-import wzsumo
-from wzsumo.case.baselines import BASELINE_METHODS, SLAM_METHODS
-from wzsumo.scenario.scenario import Scenario
+from wzsumo.case.map_method import MapMethod, Source
+from wzsumo.case.methods import METHODS
+from wzsumo.scenario.scenario import Scenario, keys_that_decide, sections_that_decide
+from wzsumo.scenario.sections import CrowdSpec, Decides
+from wzsumo.sweep.version import code_version
 
-# Sections of a scenario that come after the simulation of the fleet; all others decide it. A section that is forgotten here
-# costs a simulation too many, never a wrong result.
-AFTER_SIMULATION = frozenset(
-    {"name", "crowd", "gnss", "mixture", "map", "map_updates", "route", "slam", "vehicle", "planner", "control", "plant"}
-)
-# The first `used` of the equipped vehicles are the same whatever share is equipped (see `sensing.equipped`): these keys decide
-# when the traces are there, and whether there are so many.
-_ONLY_WHEN: dict[str, Any] = {"crowd": {"penetration", "collected"}}
-# Modules that tell or draw what was measured: a change there leaves finished results as they are.
-_TELLING = frozenset(
-    {
-        "__init__.py", "__main__.py", "cli.py", "study/verbs.py", "study/plan_verb.py", "study/interface.py",
-        "study/sweep.py", "study/agenda.py", "study/workers.py",
-        "study/cluster.py", "study/estimate.py", "study/sweep_verbs.py",
-        "study/result_store.py", "study/results.py", "study/report.py", "study/figures.py",
-        "study/drive_figure.py", "study/map_figures.py", "study/mixture_figures.py", "study/zone_axes.py",
-        "study/result_folder.py", "study/sweep_report.py", "study/sweep_figures.py", "study/summary.py",
-        "study/answers.py", "study/foreign_traces.py", "study/traffic_figures.py",
-        "study/traffic_rows.py", "study/study_file.py",
-    }
-)  # fmt: skip
+# Beside the simulation, what a map's source depends on, and so what all that follows from it depends on.
+DECIDES_SOURCE: dict[Source, tuple[Decides, ...]] = {
+    Source.CROWD: (Decides.REPORTS,),
+    Source.LIDAR: (Decides.SITE, Decides.LIDAR),
+    Source.MAP_BEFORE: (Decides.SITE,),
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,6 +30,11 @@ class StudyCase:
     drive: bool
     factors: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def map_method(self) -> MapMethod:
+        """The method by its name."""
+        return METHODS[self.method]
+
     @cached_property
     def id(self) -> str:
         """Name of the result: a hash of all that decides it, the version of the code included."""
@@ -52,36 +43,27 @@ class StudyCase:
     @cached_property
     def simulation(self) -> str:
         """Name of the simulation of the fleet, which many cases share."""
-        return _digest(self.scenario.model_dump(mode="json", exclude=set(AFTER_SIMULATION)))
+        return _digest(self._content(Decides.SIMULATION))
 
     @cached_property
     def source(self) -> str:
         """Name of what the map is made of, which methods share: the crowd's traces and their mixture, or a LiDAR drive."""
-        if self.method in BASELINE_METHODS:
-            seen = {"slam"} if self.method in SLAM_METHODS else set()
-            return _digest(self.simulation, self.scenario.model_dump(mode="json", include={"map", "route", "vehicle", *seen}))
-        sections = self.scenario.model_dump(mode="json", include={"crowd", "gnss", "mixture"}, exclude=_ONLY_WHEN)
-        return _digest(self.simulation, sections)
+        return _digest(self.simulation, self._content(*DECIDES_SOURCE[self.map_method.source]))
+
+    @cached_property
+    def site(self) -> str:
+        """Name of the cells of the map, start and goal."""
+        return _digest(self.simulation, self._content(Decides.SITE))
 
     @cached_property
     def evaluation(self) -> str:
         """Name of map, plan and drive, which cases share that differ only in what their method does not look at."""
-        unseen = {"crowd": True, "gnss": True, "mixture": True} if self.method in BASELINE_METHODS else _ONLY_WHEN
-        if self.method not in SLAM_METHODS:
-            unseen = unseen | {"slam": True}
-        return _digest(self.scenario.model_dump(mode="json", exclude={"name": True, **unseen}), self.method, self.drive)
+        return _digest(self.source, self._content(Decides.SITE, Decides.DRIVE), self.method, self.drive)
 
-
-@cache
-def code_version() -> str:
-    """Version of the package and a hash of the modules that decide a result: an edited method makes new results."""
-    package = Path(wzsumo.__file__).parent
-    digest = hashlib.blake2b(digest_size=6)
-    for path in sorted(package.rglob("*.py")):
-        name = path.relative_to(package).as_posix()
-        if name not in _TELLING:
-            digest.update(name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return f"{wzsumo.__version__}+{digest.hexdigest()}"
+    def _content(self, *what: Decides) -> dict[str, Any]:
+        """The sections that decide one of these; keys that only decide when the traces are there do not count."""
+        unseen = {"crowd": keys_that_decide(CrowdSpec, Decides.COLLECTION)}
+        return self.scenario.model_dump(mode="json", include=sections_that_decide(*what), exclude=unseen)
 
 
 def _digest(*parts: Any) -> str:

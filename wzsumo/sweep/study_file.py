@@ -11,8 +11,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError
 
-from wzsumo.case.baselines import BASELINE_METHODS
-from wzsumo.case.methods import MAP_METHODS
+from wzsumo.case.methods import METHODS
 from wzsumo.errors import SpecError
 from wzsumo.scenario.scenario import FITTING_SECTIONS, Scenario, load_scenario, misfits_of
 from wzsumo.spec import Spec, describe_mistakes, known_keys, parse_spec, read_toml
@@ -68,9 +67,8 @@ def study_of(content: Mapping[str, Any], *, source: str) -> Study:
     spec = parse_spec(StudySpec, content["study"], source=source)
     fixed, grid = _flat(spec.fixed), _grid(spec.grid)
     combinations = [_flat(entry) for entry in spec.combinations]
-    known = [*MAP_METHODS, *BASELINE_METHODS]
-    unknown = [name for name in spec.methods if name not in known]
-    mistakes = [f"methods: {name}: unknown; known methods: {', '.join(known)}" for name in unknown]
+    unknown = [name for name in spec.methods if name not in METHODS]
+    mistakes = [f"methods: {name}: unknown; known methods: {', '.join(METHODS)}" for name in unknown]
     mistakes += _wrong_factors(fixed, grid, combinations)
     if mistakes:
         raise SpecError("; ".join(f"{source}: {mistake}" for mistake in mistakes))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from wzsumo.case.baselines import BASELINE_METHODS
+from wzsumo.case.methods import is_baseline
 from wzsumo.errors import InputError
 from wzsumo.files.output import write_whole
 from wzsumo.frames import FloatArray
@@ -142,7 +142,7 @@ def traces_needed(table: pd.DataFrame, *, by: Sequence[str]) -> pd.DataFrame:
     is GOOD_ENOUGH, `minutes` the mean time until so many have come in; nan where there is none. `best_traces` has the largest
     share of all. Methods that take no traces are left out.
     """
-    table = table[~table["method"].isin(BASELINE_METHODS)]
+    table = table[~table["method"].map(is_baseline).astype(bool)]
     safe = summarise(table, "safe_plan", by=[*by, TRACES]).rename(columns={"mean": "share", "n": "n_seeds"})
     minutes = summarise(table, "minutes_to_collect", by=[*by, TRACES]).rename(columns={"mean": "minutes"})
     points = safe.merge(minutes[[*by, TRACES, "minutes"]], on=[*by, TRACES])

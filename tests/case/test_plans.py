@@ -1,11 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from builders import straight_traces
 
+from wzsumo.case import plans
 from wzsumo.case.crowd import Crowd
-from wzsumo.case.guides import bound_for, guides_for, nominal_guide
+from wzsumo.case.methods import METHODS
+from wzsumo.case.plans import bound_for, guides_for, nominal_guide
+from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
+from wzsumo.planning.plan import plan_path
 from wzsumo.scenario.scenario import load_scenario
 from wzsumo.scenario.site import prepare_site
 
@@ -26,7 +32,7 @@ def crowd_of(traces, stretches, *, road=PAPER_ROAD):
         weights=np.full(len(y), 1 / len(y)), means=np.column_stack([(first + last) / 2, y]), covariances=np.array(variances),
         log_likelihood=0.0, n_points=100, converged=True,
     )  # fmt: skip
-    return Crowd(traces=traces, road=road, sweep=None, mixture=mixture, samples=np.empty((0, 2)))
+    return Crowd(traces=traces, road=road, spec=MixtureSpec(), sweep=None, mixture=mixture, samples=np.empty((0, 2)))
 
 
 def inner_lines(crowd, site):
@@ -85,3 +91,20 @@ def test_line_on_a_bend_follows_it() -> None:
     assert stations.min() < 610
     assert stations.max() > 690
     assert offsets == pytest.approx(MIDDLE, abs=0.03)
+
+
+def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(site, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+
+    def plan_without_the_first(grid, **given):
+        plan = plan_path(grid, **given)
+        found.append(plan)
+        return replace(plan, path=None) if len(found) == 1 else plan
+
+    monkeypatch.setattr(plans, "plan_path", plan_without_the_first)
+    free = site.cells.with_p_occupied(np.zeros(site.cells.shape))
+    crowd = crowd_of(straight_traces([MIDDLE], length_m=1100.0), [(460, 1100, MIDDLE)])
+    plan = plans.plan_for(METHODS["lanes"], free, scenario=load_scenario("scenarios/paper.toml"), site=site, crowd=crowd)
+    assert len(found) == 2
+    assert plan.path is found[1].path
+    assert plan.timings_ms["total"] == pytest.approx(sum(each.timings_ms["total"] for each in found))

@@ -1,15 +1,19 @@
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import ndimage
 
-from wzsumo.case.baselines import BASELINE_METHODS, map_baselines, stale_map, stale_map_with_devices
-from wzsumo.case.case import quiet_progress
+from wzsumo.case.assessment import lidar_figures
 from wzsumo.case.lidar_baseline import mapping_drive, others_at
+from wzsumo.case.methods import METHODS
+from wzsumo.case.sources import Sources
+from wzsumo.case.watch import Watch
+from wzsumo.case.zone import SimulatedZone
 from wzsumo.errors import SpecError
-from wzsumo.grid import cells_inside
+from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import prepare_site
 from wzsumo.sensing.lidar import Drive
@@ -46,22 +50,6 @@ SITE = prepare_site(SCENARIO)
 LANE = SITE.layout.road.lane_centre(1)
 
 
-def test_map_of_before_frees_the_lanes_that_are_closed_now_and_no_shoulder() -> None:
-    road, free = SITE.layout.road, stale_map(SITE).free
-    lanes = cells_inside(SITE.cells, road.strip(0, road.length, 0, road.travelled_width))
-    np.testing.assert_array_equal(free, lanes)
-    assert free[cells_inside(SITE.cells, SITE.layout.closed_area)].any()
-
-
-def test_every_device_on_the_lanes_is_marked_on_the_map_of_before_and_little_else() -> None:
-    devices, marked = SITE.layout.devices, stale_map(SITE).free & ~stale_map_with_devices(SITE).free
-    row, col = SITE.cells.cell_of(devices[["x_m", "y_m"]])
-    on_lanes = stale_map(SITE).free[row, col]
-    assert on_lanes.sum() >= 10
-    assert marked[row, col][on_lanes].all()
-    assert marked.sum() * SITE.cells.resolution**2 < len(devices) * 0.7**2  # a base of 14 in and a cell
-
-
 def test_mapping_car_is_the_first_that_begins_in_the_egos_lane_and_its_drive_is_of_its_rear_axle() -> None:
     fleet = fleet_of(("late", LANE, 9.0), ("beside", SITE.layout.road.lane_centre(0), 0.0), ("first", LANE, 4.0))
     vehicle_id, drive = mapping_drive(fleet, scenario=SCENARIO, site=SITE)
@@ -84,43 +72,46 @@ def test_vehicles_of_a_moment_are_carried_on_from_their_last_fix() -> None:
     assert vehicles(129.0).empty
 
 
+def no_files() -> NoReturn:
+    raise AssertionError("nobody drives here")
+
+
+def map_by(name: str, sources: Sources) -> OccupancyGrid:
+    return METHODS[name].map_of_zone(sources, scenario=SCENARIO, site=SITE)
+
+
 @pytest.fixture(scope="module")
-def baselines():
+def sources() -> Sources:
     fleet = fleet_of(("mapper", LANE, 0.0), ("follower", LANE, 1.5), ("beside", SITE.layout.road.lane_centre(0), 0.3))
-    return map_baselines(BASELINE_METHODS, fleet, scenario=SCENARIO, site=SITE, progress=quiet_progress)
+    zone = SimulatedZone(over_zone=fleet, whole_fleet=lambda: fleet, sumo_files=no_files)
+    return Sources(zone=zone, scenario=SCENARIO, site=SITE, watch=Watch())
 
 
-def test_mapping_drive_knows_its_way_to_decimetres_and_finds_the_devices(baselines) -> None:
-    assert baselines.slam["vehicle_id"] == "mapper"
-    assert baselines.slam["ate_m"] < 0.1  # the bar for a drive between cones with RTK
-    assert baselines.slam["dead_reckoning_ate_m"] > baselines.slam["ate_m"]
-    assert abs(baselines.slam["n_devices_mapped"] - len(SITE.layout.devices)) <= 1
+def test_mapping_drive_knows_its_way_to_decimetres_and_finds_the_devices(sources: Sources) -> None:
+    figures = lidar_figures(sources.lidar)
+    assert figures["vehicle_id"] == "mapper"
+    assert figures["ate_m"] < 0.1  # the bar for a drive between cones with RTK
+    assert figures["dead_reckoning_ate_m"] > figures["ate_m"]
+    assert abs(figures["n_devices_mapped"] - len(SITE.layout.devices)) <= 1
 
 
-def test_barrier_separates_the_closed_area_from_the_open_lanes_and_the_raw_view_does_not(baselines) -> None:
+def test_barrier_separates_the_closed_area_from_the_open_lanes_and_the_raw_view_does_not(sources: Sources) -> None:
     activity = SITE.layout.area("activity area")
     x, road = (activity.start + activity.end) / 2, SITE.layout.road
     open_lane, closed_lane = (x, road.lane_centre(0)), (x, road.lane_centre(2))
     between = cells_inside(SITE.cells, road.strip(SITE.layout.start, SITE.layout.end, 0, road.travelled_width))
     joined = {}
     for name in ("slam_raw", "slam_log_odds", "slam_barrier"):
-        label, _ = ndimage.label(baselines.maps[name].free & between)
+        label, _ = ndimage.label(map_by(name, sources).free & between)
         rows, cols = SITE.cells.cell_of([open_lane, closed_lane])
         joined[name] = bool(label[rows[0], cols[0]] == label[rows[1], cols[1]] != 0)
     assert not joined["slam_barrier"]
     assert joined["slam_log_odds"]
 
 
-def test_slam_maps_end_at_the_pavement_and_are_nominal_outside_the_zone(baselines) -> None:
+def test_slam_maps_end_at_the_pavement_and_are_nominal_outside_the_zone(sources: Sources) -> None:
     road = SITE.layout.road
     beyond = ~cells_inside(SITE.cells, road.strip(0, road.length, -road.right_shoulder, road.left_edge))
     for name in ("slam_raw", "slam_log_odds", "slam_barrier"):
-        assert not baselines.maps[name].free[beyond].any()
-        assert baselines.maps[name].free[SITE.nominal].all()
-
-
-def test_only_what_is_asked_for_is_mapped() -> None:
-    fleet = fleet_of(("truck", LANE, 0.0), length_m=12.0)  # no mapping drive could be made of it
-    only = map_baselines(["lanes", "hd_map"], fleet, scenario=SCENARIO, site=SITE, progress=quiet_progress)
-    assert list(only.maps) == ["hd_map"]
-    assert only.slam == {}
+        assert not map_by(name, sources).free[beyond].any()
+        assert map_by(name, sources).free[SITE.nominal].all()

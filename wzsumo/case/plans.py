@@ -1,9 +1,11 @@
-"""The lines that a plan is guided by: nominal lanes where the road is as it was, and in between those of who went its way.
+"""Plans on a map of the zone, and the lines that they are guided by.
 
-Where the work parts the traffic, the lines on its other side lead to other lanes: whoever follows them changes sides at the
-nose of the work, where nobody did.
+Guides are the nominal lanes where the road is as it was. In between they are the lines of vehicles that left the zone in the
+goal's lane: where the work parts the traffic, the lines on its other side lead to other lanes.
 """
 
+from collections import Counter
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,9 +15,13 @@ import shapely
 from shapely import LineString
 
 from wzsumo.case.crowd import Crowd
+from wzsumo.case.map_method import MapMethod
 from wzsumo.crowd_mapping.mixture.maps import driven_lines
 from wzsumo.frames import BoolArray, FloatArray
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.road import Road
+from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
 
 AT_THE_END_M = 30.0  # over the last stretch of a trace the lane is told that it ended in
@@ -23,6 +29,20 @@ LEAST_DRIVEN = 0.5  # of a line
 BESIDE_M = 0.91  # a quarter of a 12 ft lane: who changes lanes is so near to the line of another for a short way only
 FINE_STEP_M, CHORD_ERROR_M = 5.0, 0.02  # of a line on a bend: its points, and how far chords between some of them leave it
 LINE_STEP_M = 20.0  # on a bend of 300 m radius the chord leaves the arc by 0.17 m
+
+
+def plan_for(method: MapMethod, grid: OccupancyGrid, *, scenario: Scenario, site: Site, crowd: Crowd | None) -> Plan:
+    """The plan from the site's start to its goal by the method's planner, with the first guide that leads to a path.
+
+    `crowd` is what the map was made of, None for a map of another source. Timings [ms] are those of all guides that were tried.
+    """
+    spec, timings = method.planner(scenario.planner), Counter[str]()
+    for guide in guides_for(crowd, site=site):
+        plan = plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec, guide=guide)
+        timings.update(plan.timings_ms)
+        if plan.path is not None:
+            break
+    return replace(plan, timings_ms=dict(timings))
 
 
 def guides_for(crowd: Crowd | None, *, site: Site) -> tuple[FloatArray, ...]:

@@ -1,56 +1,39 @@
-"""What the command line does with anybody's point clouds, one function a verb: files in, files out, figures returned."""
+"""The command `register`: the rigid motion that takes one cloud to another."""
 
+import argparse
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wzsumo.errors import CloudError, OutputError
-from wzsumo.files.cloud import read_cloud
+from wzsumo.errors import CloudError
+from wzsumo.files.cloud import MIN_SURFACE_POINTS, read_cloud
 from wzsumo.files.output import staged_folder
-from wzsumo.lidar_mapping import registration, smrf
+from wzsumo.lidar_mapping import registration
 from wzsumo.lidar_mapping.registration import RegistrationStatus
-from wzsumo.lidar_mapping.smrf import SmrfSpec
-from wzsumo.spec import parse_spec
 
-FEWEST_POINTS = 3  # of a surface
-
-Figures = dict[str, Any]
-
-
-def label_ground(cloud: Path, out: Path, *, parameters: Mapping[str, float]) -> Figures:
-    """Write labels (n,) uint8 of a cloud's points, 1 = ground, as .npy; their counts. `parameters` are SmrfSpec's."""
-    spec = parse_spec(SmrfSpec, dict(parameters), source="ground")
-    if out.suffix != ".npy":
-        raise OutputError(f"--out {out}: labels are written as a numpy array; name a file that ends in .npy")
-    points = read_cloud(cloud, at_least=FEWEST_POINTS)
-    smrf.compile_kernels()
-    began = time.perf_counter()
-    try:
-        ground = smrf.ground_mask(points, spec)
-    except CloudError as error:
-        raise type(error)(f"{cloud}: {str(error).removeprefix('cloud: ')}") from None
-    took_ms = 1000 * (time.perf_counter() - began)
-    with staged_folder(out.parent) as stage:
-        np.save(stage / out.name, ground.astype(np.uint8))
-    return {
-        "labels": str(out),
-        "n_points": len(ground),
-        "n_ground": int(ground.sum()),
-        "ground_share": float(ground.mean()),
-        "parameters": spec.model_dump(),
-        "ground_ms": took_ms,
-    }
+MORE = """\
+A cloud holds x, y, z in metres: an .npy array (n, 3), a .csv table (columns x, y, z, or three unnamed ones) or a .ply file.
+A transform says in "status" what it is worth: converged, degenerate (some directions are not determined by the clouds),
+not_converged, poor_overlap.
+"""
 
 
-def register_clouds(source: Path, target: Path, out: Path) -> Figures:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What it takes."""
+    parser.add_argument("source", type=Path, metavar="SOURCE")
+    parser.add_argument("target", type=Path, metavar="TARGET")
+    parser.add_argument("--out", type=Path, required=True, metavar="T.txt")
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
     """Write the 4 x 4 transform that takes a source cloud to a target as text; what it is worth.
 
     Clouds that determine no motion at all (identical, too few features) are refused: an identity would look like an answer.
     """
-    moving, fixed = (read_cloud(path, at_least=FEWEST_POINTS) for path in (source, target))
+    source, target, out = args.source, args.target, args.out
+    moving, fixed = (read_cloud(path, at_least=MIN_SURFACE_POINTS) for path in (source, target))
     registration.compile_kernels()
     began = time.perf_counter()
     try:

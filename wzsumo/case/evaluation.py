@@ -1,0 +1,144 @@
+"""What one method comes to in a case: its map, the plan on it, the drive along the plan, and their figures."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from wzsumo.case.assessment import assess, goal_figures, lidar_figures
+from wzsumo.case.closed_loop import Drive, drive_path
+from wzsumo.case.crowd import Crowd
+from wzsumo.case.lidar_baseline import LidarBaseline
+from wzsumo.case.map_method import CrowdMethod, MapMethod
+from wzsumo.case.methods import map_of_before
+from wzsumo.case.plans import plan_for
+from wzsumo.case.replanning import NewMap
+from wzsumo.case.sources import Sources
+from wzsumo.case.watch import Watch
+from wzsumo.case.zone import SimulatedZone
+from wzsumo.ego import EgoRun
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.plan import Plan, PlanStatus
+from wzsumo.scenario.scenario import Pose, Scenario
+from wzsumo.scenario.site import Site, site_with_open_goal
+
+DRIVE_LIMIT_S = 400.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MethodResult:
+    """The map that was scored and planned on, the plan, the drive (None where none was made), and the figures of all."""
+
+    grid: OccupancyGrid
+    plan: Plan
+    run: EgoRun | None
+    figures: dict[str, Any]
+
+
+def evaluate(
+    method: MapMethod,
+    sources: Sources,
+    *,
+    scenario: Scenario,
+    site: Site,
+    grid: OccupancyGrid | None = None,
+    drives: bool = True,
+    watch: Watch,
+) -> MethodResult:
+    """The result of one method, by which a run and a sweep report the same.
+
+    `grid` is the method's map where it has been made already; without `drives` the ego stays where it is.
+    """
+    zone, crowd = sources.zone, method.crowd_of(sources)
+    with watch.timing(f"map {method.name}"):
+        grid = grid or method.map_of_zone(sources, scenario=scenario, site=site)
+    plan = plan_to_set_out_with(method, grid, scenario=scenario, site=site, crowd=crowd)
+    with watch.timing(f"drive {method.name}"):
+        maps = new_maps(method, sources, scenario=scenario, site=site) if drives else ()
+        run = drive_plan(plan, zone, name=method.name, scenario=scenario, site=site, maps=maps, watch=watch) if drives else None
+    figures = assess(grid, plan, run, crowd=crowd, over_zone=zone.over_zone, scenario=scenario, site=site)
+    return MethodResult(grid=grid, plan=plan, run=run, figures=figures)
+
+
+def plan_to_open_lane(
+    method: MapMethod, result: MethodResult, sources: Sources, *, scenario: Scenario, site: Site
+) -> tuple[Plan | None, dict[str, Any]]:
+    """The plan on the method's map to the goal in the open lane, None where the scenario names none; figures of both goals."""
+    goals = {"own_lane": goal_figures(result.plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)}
+    lane, other = scenario.route.open_goal_lane, site_with_open_goal(site)
+    if lane is None or other is None:
+        return None, goals
+    plan = plan_for(method, result.grid, scenario=scenario, site=other, crowd=method.crowd_of(sources))
+    goals["open_lane"] = goal_figures(plan, lane=lane, scenario=scenario, site=other)
+    return plan, goals
+
+
+def drive_plan(
+    plan: Plan, zone: SimulatedZone, *, name: str, scenario: Scenario, site: Site, maps: Iterable[NewMap] = (), watch: Watch
+) -> EgoRun | None:
+    """The ego's run along the plan through the zone's traffic, None where there is no path. `maps` reach it on the way."""
+    if plan.path is None:
+        return None
+    drive = Drive(
+        vehicle=scenario.vehicle, control=scenario.control, plant=scenario.plant,
+        depart_s=scenario.simulation.demand.warm_up_s, time_limit_s=DRIVE_LIMIT_S, in_window=watch.in_window,
+    )  # fmt: skip
+    with watch.progress(f"drive on {name}", float(plan.path.arc_length[-1])) as tell, zone.sumo_files() as files:
+        return drive_path(plan.path, layout=site.layout, files=files, drive=drive, on_step=tell, new_maps=maps)
+
+
+def plan_to_set_out_with(
+    method: MapMethod, grid: OccupancyGrid, *, scenario: Scenario, site: Site, crowd: Crowd | None
+) -> Plan:
+    """The first plan: on `grid`, the method's own map, or where the scenario says so on that of the road without the zone."""
+    updates = scenario.map_updates
+    if crowd is not None and updates is not None and updates.sets_out_with == "map_of_before":
+        grid, crowd = map_of_before(site), None
+    return plan_for(method, grid, scenario=scenario, site=site, crowd=crowd)
+
+
+def new_maps(method: MapMethod, sources: Sources, *, scenario: Scenario, site: Site) -> tuple[NewMap, ...]:
+    """The maps of larger crowds that reach the ego on its way, each with the way to plan on it; none of another source."""
+    if scenario.map_updates is None or not isinstance(method, CrowdMethod):
+        return ()
+    return tuple(
+        NewMap(
+            after_s=arriving.after_s,
+            plan=partial(
+                _plan_from,
+                method=method,
+                grid=method.map_of_crowd(arriving.crowd, scenario=scenario, site=site),
+                scenario=scenario,
+                site=site,
+                crowd=arriving.crowd,
+            ),
+        )
+        for arriving in sources.arriving(scenario.map_updates.arrivals)
+    )
+
+
+def _plan_from(start: Pose, *, method: MapMethod, grid: OccupancyGrid, scenario: Scenario, site: Site, crowd: Crowd) -> Plan:
+    return plan_for(method, grid, scenario=scenario, site=replace(site, start=start), crowd=crowd)
+
+
+def table_row(result: MethodResult, *, lidar: LidarBaseline | None, drives: bool) -> dict[str, Any]:
+    """Figures by column (see `sweep.results`). `drives` says whether the ego was to drive; `lidar` made the map, if any did."""
+    figures = dict(result.figures)
+    del figures["replans"]  # their number stays
+    planned, driven, measured = (figures.pop(name) or {} for name in ("planned", "driven", "drive"))
+    figures |= {f"slam_{name}": value for name, value in (lidar_figures(lidar) if lidar else {}).items()}
+    figures |= {f"planned_{name}": value for name, value in planned.items()}
+    figures |= {f"driven_{name}": value for name, value in (driven | measured).items()}
+    path = result.plan.path
+    if path is not None and not drives:
+        figures |= {"outcome": None, "reason": ""}
+    return figures | {
+        "path_length_m": float(path.arc_length[-1]) if path else None,
+        "safe_plan": result.plan.status == PlanStatus.FOUND and _keeps_clear(planned),
+    }
+
+
+def _keeps_clear(planned: dict[str, float]) -> bool:
+    """Whether the outline along the planned path touches no device, no edge of the pavement and not the closed area."""
+    clearances = (planned["min_clearance_devices_m"], planned["min_clearance_road_edge_m"])
+    return min(clearances) > 0 and planned["closed_area_share"] == 0

@@ -1,0 +1,180 @@
+"""MapMethod: one way to a map of the zone, by what it makes the map of."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.case.crowd import Crowd, learn_from, witness_reach_m
+from wzsumo.case.sources import Sources
+from wzsumo.case.watch import Tell
+from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
+from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
+from wzsumo.frames import BoolArray
+from wzsumo.grid import OccupancyGrid, cells_inside
+from wzsumo.lidar_mapping.slam_map import SlamMaps
+from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.scenario.road_before import with_road_outside
+from wzsumo.scenario.scenario import Scenario
+from wzsumo.scenario.site import Site
+
+MIXTURE_FIXES = 100_000  # evenly taken of a file: 300 traces of 10 Hz, and as much as tells 30 components apart
+
+
+class Source(StrEnum):
+    """What a map is made of."""
+
+    CROWD = "crowd"  # traces of equipped vehicles
+    LIDAR = "lidar"  # scans of one mapping drive
+    MAP_BEFORE = "map_before"  # the road from before the zone
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapTask:
+    """What is asked of a map that is made of traces."""
+
+    cells: OccupancyGrid  # the cells to fill; their values do not matter
+    half_width_m: float  # of the vehicles, whose centres the traces are
+    seed: int
+    before: MapBefore | None = None  # the road from before the zone, where it is known
+    witness_reach_m: float = 0.0  # to either side of a reported centre, that is surely ground which the vehicle drove over
+    tell: Tell = lambda _share: None  # is called with the share of the work that is done
+
+
+class MadeMap(NamedTuple):
+    """A map and what its method says of it."""
+
+    grid: OccupancyGrid
+    figures: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapMethod(ABC):
+    """One way to a map of the zone, by the name that command line, study files, results and reports know."""
+
+    name: str
+    title: str  # in figures and in the command line's help
+    cpu_s: float = 0.5  # processor time of map and plan on one core of 2020 (analysis/benchmarks/sweep.py), for estimates
+    planner: Callable[[PlannerSpec], PlannerSpec] = lambda planner: planner  # the scenario's planner made fit for its maps
+    source: ClassVar[Source]
+
+    @abstractmethod
+    def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:
+        """The map over the site's cells."""
+
+    def crowd_of(self, sources: Sources) -> Crowd | None:  # noqa: ARG002 - those of the crowd look at the sources
+        """The crowd that the map is made of, None where it is made of something else."""
+        return None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CrowdMethod(MapMethod):
+    """A map of the crowd's traces. Outside the announced zone, where the road is as it was, the nominal map holds."""
+
+    source: ClassVar[Source] = Source.CROWD
+    joins_road: ClassVar[bool]  # whether it joins what the traces say to the road from before the zone
+
+    def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:
+        """The map over the site's cells, of the traces that the scenario uses."""
+        return self.map_of_crowd(sources.crowd, scenario=scenario, site=site)
+
+    def crowd_of(self, sources: Sources) -> Crowd:
+        """The crowd that the map is made of."""
+        return sources.crowd
+
+    def map_of_crowd(self, crowd: Crowd, *, scenario: Scenario, site: Site) -> OccupancyGrid:
+        """The map over the site's cells, of any crowd."""
+        layout = site.layout
+        task = MapTask(
+            cells=site.cells,
+            half_width_m=scenario.vehicle.width_m / 2,
+            seed=scenario.seed,
+            before=MapBefore(road=layout.road, start=layout.start, end=layout.end),
+            witness_reach_m=witness_reach_m(scenario),
+        )
+        learned = self.make_of(crowd, task).grid
+        return learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
+
+    @abstractmethod
+    def make_of(self, crowd: Crowd, task: MapTask) -> MadeMap:
+        """The map of a crowd over the task's cells."""
+
+    @abstractmethod
+    def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
+        """The map of anybody's traces over the task's cells, and what was learned of them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TracesMethod(CrowdMethod):
+    """A map that is made of the traces themselves."""
+
+    make: Callable[[pd.DataFrame, MapTask], MadeMap]
+    joins_road: ClassVar[bool] = True
+
+    def make_of(self, crowd: Crowd, task: MapTask) -> MadeMap:
+        """The map of the crowd's traces."""
+        return self.make(crowd.traces, task)
+
+    def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
+        """The map of the traces; outside the announced zone the lanes of a known road are free."""
+        grid, figures = self.make(traces, task)
+        return MadeMap(with_road_outside(grid, task.before) if task.before else grid, figures)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MixtureMethod(CrowdMethod):
+    """A map that is made of the mixture fitted to the traces."""
+
+    make: Callable[[Crowd, MapTask], OccupancyGrid]
+    joins_road: ClassVar[bool] = False
+
+    def make_of(self, crowd: Crowd, task: MapTask) -> MadeMap:
+        """The map of the crowd's mixture."""
+        return MadeMap(self.make(crowd, task), {"n_components": crowd.mixture.n_components})
+
+    def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
+        """The map of the mixture of the traces, of which at most MIXTURE_FIXES are taken."""
+        fixes = traces.iloc[:: max(1, -(-len(traces) // MIXTURE_FIXES))]
+        road = reference_line_from_traces(fixes)
+        return self.make_of(learn_from(fixes, road=road, spec=MixtureSpec(), seed=task.seed, tell=task.tell), task)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LidarMethod(MapMethod):
+    """A map of one LiDAR mapping drive.
+
+    It does not know where the pavement ends: beyond the edges that the map from before gives, it is occupied; outside the
+    announced zone that map holds, as it does for the crowd's maps.
+    """
+
+    form: Callable[[SlamMaps], OccupancyGrid]
+    source: ClassVar[Source] = Source.LIDAR
+
+    def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:  # noqa: ARG002 - one signature for all
+        """The map over the site's cells."""
+        seen = self.form(sources.lidar.maps)
+        known = np.where(site.nominal, 0.0, np.where(_pavement_before(site), seen.p_occupied, 1.0))
+        return seen.with_p_occupied(known)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapBeforeMethod(MapMethod):
+    """A map that was there before the zone."""
+
+    make: Callable[[Site], OccupancyGrid]
+    source: ClassVar[Source] = Source.MAP_BEFORE
+
+    def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:  # noqa: ARG002 - one signature for all
+        """The map over the site's cells."""
+        return self.make(site)
+
+
+def _pavement_before(site: Site) -> BoolArray:
+    """Cells (rows, cols) of the pavement from before the zone, shoulders and what is closed now included."""
+    road = site.layout.road
+    return cells_inside(site.cells, road.strip(0.0, road.length, -road.right_shoulder, road.left_edge))

@@ -1,0 +1,52 @@
+"""What arguments of the command line may be; argparse tells a person the reason that these functions give."""
+
+import argparse
+from pathlib import Path
+
+
+def add_scenario(parser: argparse.ArgumentParser) -> None:
+    """SCENARIO.toml."""
+    parser.add_argument("scenario", type=Path, metavar="SCENARIO.toml")
+
+
+def add_out_folder(parser: argparse.ArgumentParser) -> None:
+    """--out DIR."""
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+
+def seed(text: str) -> int:
+    """A whole number of 0 or more."""
+    if not text.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of 0 or more")
+    return int(text)
+
+
+def count(text: str) -> int:
+    """A whole number of 1 or more."""
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of 1 or more")
+    return int(text)
+
+
+def cell_edge_m(text: str) -> float:
+    """A length above 0 and at most 10 m."""
+    value = number(text)
+    if not 0 < value <= 10:
+        raise argparse.ArgumentTypeError(f"{text!r} must be above 0 and at most 10")
+    return value
+
+
+def speed_mps(text: str) -> float:
+    """A speed of 0 to 60 m/s."""
+    value = number(text)
+    if not 0 <= value <= 60:
+        raise argparse.ArgumentTypeError(f"{text!r} must be 0 to 60 m/s")
+    return value
+
+
+def number(text: str) -> float:
+    """Any number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None

@@ -1,0 +1,68 @@
+"""The command `ground`: the ground points of anybody's cloud by SMRF."""
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wzsumo.commands.arguments import number
+from wzsumo.errors import CloudError, OutputError
+from wzsumo.files.cloud import MIN_SURFACE_POINTS, read_cloud
+from wzsumo.files.output import staged_folder
+from wzsumo.lidar_mapping import smrf
+from wzsumo.lidar_mapping.smrf import SmrfSpec
+from wzsumo.spec import parse_spec
+
+MORE = """\
+A cloud holds x, y, z in metres: an .npy array (n, 3), a .csv table (columns x, y, z, or three unnamed ones) or a .ply file.
+Labels are an array (n,) of uint8 in the order of the points.
+"""
+SMRF_OPTIONS = {
+    ("--cell-m",): "edge of a cell of the surface (default 1)",
+    ("--slope",): "steepest ground, rise over run (default 0.15)",
+    ("--window-m",): "radius of the widest opening: half the width of the largest building (default 18)",
+    ("--elevation-threshold-m",): "how far a ground point may lie off the surface (default 0.5; 0.2 keeps cones)",
+    ("--elevation-scalar", "--scalar"): "metres added to the threshold per unit of slope (default 1.25)",
+}  # Pingel, Clarke & McBride 2013, one set for all terrain
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What it takes."""
+    parser.add_argument("cloud", type=Path, metavar="IN.(npy|csv|ply)")
+    parser.add_argument("--out", type=Path, required=True, metavar="OUT.npy")
+    for names, about in SMRF_OPTIONS.items():
+        parser.add_argument(*names, type=number, metavar="NUMBER", help=about)
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Write labels (n,) uint8 of a cloud's points, 1 = ground, as .npy; their counts."""
+    cloud, out = args.cloud, args.out
+    spec = parse_spec(SmrfSpec, _given(args), source="ground")
+    if out.suffix != ".npy":
+        raise OutputError(f"--out {out}: labels are written as a numpy array; name a file that ends in .npy")
+    points = read_cloud(cloud, at_least=MIN_SURFACE_POINTS)
+    smrf.compile_kernels()
+    began = time.perf_counter()
+    try:
+        ground = smrf.ground_mask(points, spec)
+    except CloudError as error:
+        raise type(error)(f"{cloud}: {str(error).removeprefix('cloud: ')}") from None
+    took_ms = 1000 * (time.perf_counter() - began)
+    with staged_folder(out.parent) as stage:
+        np.save(stage / out.name, ground.astype(np.uint8))
+    return {
+        "labels": str(out),
+        "n_points": len(ground),
+        "n_ground": int(ground.sum()),
+        "ground_share": float(ground.mean()),
+        "parameters": spec.model_dump(),
+        "ground_ms": took_ms,
+    }
+
+
+def _given(args: argparse.Namespace) -> dict[str, float]:
+    """The options that were given, by their name in a SmrfSpec."""
+    keys = [names[0].removeprefix("--").replace("-", "_") for names in SMRF_OPTIONS]
+    return {key: getattr(args, key) for key in keys if getattr(args, key) is not None}

@@ -1,0 +1,35 @@
+"""The command `layout`: the zone laid out by the MUTCD, as files."""
+
+import argparse
+from typing import Any
+
+from wzsumo.commands.arguments import add_out_folder, add_scenario
+from wzsumo.figures.layout_figure import draw_zone
+from wzsumo.files.layout import layout_geojson, write_layout
+from wzsumo.files.output import staged_folder
+from wzsumo.files.result_folder import ResultFolder
+from wzsumo.scenario.scenario import load_scenario
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What it takes."""
+    add_scenario(parser)
+    add_out_folder(parser)
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Write layout.geojson, devices.csv and layout.png; lengths and areas of the zone."""
+    layout = load_scenario(args.scenario).layout()
+    with staged_folder(args.out) as stage:
+        write_layout(layout, stage)
+        drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(layout))
+        draw_zone(drawing).savefig(stage / "layout.png")
+    return {
+        "areas_m": {area.name: round(area.length, 3) for area in layout.areas},
+        "start_m": layout.start,
+        "end_m": layout.end,
+        "n_devices": len(layout.devices),
+        "drivable_m2": layout.drivable.area,
+        "closed_area_m2": layout.closed_area.area,
+        "pavement_m2": layout.pavement.area,
+    }

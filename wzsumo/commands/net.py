@@ -1,0 +1,23 @@
+"""The command `net`: the SUMO files of a scenario."""
+
+import argparse
+from typing import Any
+
+from wzsumo.commands.arguments import add_out_folder, add_scenario
+from wzsumo.files.output import staged_folder
+from wzsumo.scenario.scenario import load_scenario
+from wzsumo.simulation.files import write_sumo_files
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What it takes."""
+    add_scenario(parser)
+    add_out_folder(parser)
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Write the SUMO files of a scenario; edges and lanes."""
+    spec = load_scenario(args.scenario)
+    with staged_folder(args.out) as stage:
+        files = write_sumo_files(spec.layout(), stage, spec=spec.zone_simulation(), seed=spec.seed)
+    return {"config": str(args.out / files.config.name), "edges": {edge.id: len(edge.through_lanes) for edge in files.edges}}
