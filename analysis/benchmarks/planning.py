@@ -27,9 +27,9 @@ from wzsumo.frames import advance
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.distance_field import distance_field
 from wzsumo.planning.footprint import outline_body
-from wzsumo.planning.heuristic import cost_to_go
-from wzsumo.planning.plan import compile_kernels, plan_from, plan_path, prepare
+from wzsumo.planning.plan import compile_kernels, plan_from, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.planning.planning_field import cost_to_go, prepare_field
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
@@ -64,12 +64,13 @@ def shown(figures: dict[str, float]) -> str:
 
 
 def floor(grid: OccupancyGrid, goal: Pose, n: int) -> list[float]:
-    multiplier = prepare(grid, goal=goal, vehicle=CAR, spec=PlannerSpec()).terrain.multiplier
+    multiplier = prepare_field(grid, goal=goal, vehicle=CAR, spec=PlannerSpec()).terrain.multiplier
     (row,), (col,) = grid.cell_of(goal[:2])
 
     def run() -> None:
         distance_field(grid.p_occupied, max_p_occupied=0.196, resolution=grid.resolution, limit_m=3.0)
-        cost_to_go(multiplier, dearest=PlannerSpec().dearest_metre, goal_cell=(int(row), int(col)), resolution=grid.resolution)
+        dearest = PlannerSpec().max_metre_cost
+        cost_to_go(multiplier, max_metre_cost=dearest, goal_cell=(int(row), int(col)), resolution=grid.resolution)
 
     return timed(run, n)
 
@@ -168,7 +169,7 @@ def measure(case: str, n: int) -> dict[str, object]:
     grid, start, goal = work_zone_grid(**CASES[case])
     spec = PlannerSpec()
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=spec)
-    field = prepare(grid, goal=goal, vehicle=CAR, spec=spec)
+    field = prepare_field(grid, goal=goal, vehicle=CAR, spec=spec)
     figures: dict[str, object] = {
         "cells": grid.p_occupied.size,
         "status": str(plan.status),

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import OccupancyGrid
 
 LENGTH_M, WIDTH_M = 900.0, 30.0
@@ -19,6 +20,7 @@ CHANNELIZER_M, HOLE_S, DEAD_END_S = 0.5, (205.0, 217.0), 470.0
 CONE_SPACING_M, CONE_RADIUS_M = 60 * 0.3048, 0.3
 
 Pose = tuple[float, float, float]
+Kind = Literal["corridor", "corridor_without_bait", "cones"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,12 +35,12 @@ class Alignment:
             x, y, turn = s, d, 0.0
         else:
             turn = s / self.radius_m
-            x, y = (self.radius_m - d) * np.sin(turn), self.radius_m - (self.radius_m - d) * np.cos(turn)
+            x, y = (self.radius_m - d) * float(np.sin(turn)), self.radius_m - (self.radius_m - d) * float(np.cos(turn))
         cos, sin = np.cos(self.angle), np.sin(self.angle)
         heading = float(np.arctan2(np.sin(turn + self.angle), np.cos(turn + self.angle)))
         return float(cos * x - sin * y), float(sin * x + cos * y), heading
 
-    def to_sd(self, x, y):
+    def to_sd(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         cos, sin = np.cos(self.angle), np.sin(self.angle)
         along, left = cos * x + sin * y, cos * y - sin * x
         if self.radius_m is None:
@@ -52,7 +54,7 @@ class Alignment:
 def work_zone_grid(
     *,
     resolution: float = 0.25,
-    kind: Literal["corridor", "corridor_without_bait", "cones"] = "corridor",
+    kind: Kind = "corridor",
     alignment: Alignment | None = None,
 ) -> tuple[OccupancyGrid, Pose, Pose]:
     """Map, start and goal (rear axle): both lie in the left lane, which is closed between them."""
@@ -69,7 +71,7 @@ def work_zone_grid(
     return grid, road.pose(START_S, LANE_D), road.pose(GOAL_S, LANE_D)
 
 
-def _free(s, d, kind):
+def _free(s: FloatArray, d: FloatArray, kind: str) -> BoolArray:
     on_map = (s >= 0) & (s <= LENGTH_M)
     if kind == "cones":
         at = np.arange(DEVICE_LINE[0][0], DEVICE_LINE[0][-1], CONE_SPACING_M)
@@ -77,11 +79,11 @@ def _free(s, d, kind):
         index = np.clip(np.floor((s - at[0]) / CONE_SPACING_M).astype(int), 0, len(at) - 2)
         line = np.interp(at, *DEVICE_LINE)
         near = [np.hypot(s - at[i], d - line[i]) <= CONE_RADIUS_M for i in (index, index + 1)]
-        return on_map & (d > 6.0) & (d < 20.4) & ~near[0] & ~near[1]
+        return np.asarray(on_map & (d > 6.0) & (d < 20.4) & ~near[0] & ~near[1])
     line = np.interp(s, *DEVICE_LINE, right=20.4)
     free = (d > np.interp(s, *OPEN_EDGE)) & (d < line)
     if kind == "corridor":
         closed_lane = (s > 93.0) & (s < DEAD_END_S) & (d > line + CHANNELIZER_M) & (d < 16.8)
         hole = (s > HOLE_S[0]) & (s < HOLE_S[1]) & (d >= line) & (d < 16.8)
         free = free | closed_lane | hole
-    return on_map & free
+    return np.asarray(on_map & free)

@@ -4,10 +4,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import distance_transform_edt
 
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.planning.distance_field import distance_field
 
 
-def slow_distance_field(blocked, resolution, limit_m):
+def slow_distance_field(blocked: BoolArray, resolution: float, limit_m: float) -> FloatArray:
     """Every cell against every blocked square, those around the map included."""
     rows, cols = blocked.shape
     around = int(limit_m / resolution) + 2
@@ -22,7 +23,7 @@ def slow_distance_field(blocked, resolution, limit_m):
 @given(
     seed=st.integers(0, 10_000), rows=st.integers(1, 25), cols=st.integers(1, 25), share=st.sampled_from([0.0, 0.02, 0.3, 1.0])
 )
-def test_distance_field_equals_the_search_over_all_blocked_squares(seed: int, rows: int, cols: int, share) -> None:
+def test_distance_field_equals_the_search_over_all_blocked_squares(seed: int, rows: int, cols: int, share: float) -> None:
     blocked = np.random.default_rng(seed).random((rows, cols)) < share
     field = distance_field(blocked.astype(np.float32), max_p_occupied=0.196, resolution=0.3, limit_m=2.0)
     np.testing.assert_allclose(field, slow_distance_field(blocked, 0.3, 2.0), atol=1e-6)

@@ -3,6 +3,7 @@ import pytest
 import shapely
 from scipy.optimize import lsq_linear
 
+from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
 from wzsumo.planning.bending import stiffness_of
@@ -11,7 +12,7 @@ from wzsumo.planning.footprint import outline_body
 from wzsumo.planning.lattice import poses_along
 from wzsumo.planning.path_check import poses_through, touching_poses
 from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.planning.terrain import terrain_of
+from wzsumo.planning.terrain import Terrain, terrain_of
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
@@ -19,12 +20,12 @@ BODY = outline_body(CAR)
 RESOLUTION = 0.25
 
 
-def terrain(p_occupied):
+def terrain(p_occupied: FloatArray) -> Terrain:
     grid = OccupancyGrid(p_occupied=p_occupied.astype(np.float32), resolution=RESOLUTION, origin=(0.0, 0.0))
     return terrain_of(grid, body=BODY, spec=PlannerSpec(), reach_m=3.0)
 
 
-def cones(seed, *, beside, n=40):
+def cones(seed: int, *, beside: FloatArray, n: int = 40) -> FloatArray:
     """A map with single blocked cells, none of them under the outlines along `beside`."""
     random, p = np.random.default_rng(seed), np.zeros((160, 400))
     p[random.integers(40, 120, n), random.integers(0, 400, n)] = 1
@@ -34,13 +35,13 @@ def cones(seed, *, beside, n=40):
     return p
 
 
-def bent_poses():
+def bent_poses() -> FloatArray:
     """A change of lanes by four arcs whose curvature jumps by 0.017 1/m."""
     arcs = np.array([(20.0, 0.0), (12.0, 0.017), (12.0, -0.017), (30.0, 0.0)])
     return poses_along(np.array([8.0, 18.0, 0.0]), arcs, max_step_m=0.48)
 
 
-def slow_room(poses, p_occupied, side):
+def slow_room(poses: FloatArray, p_occupied: FloatArray, side: int) -> FloatArray:
     """Room to one side by shapely: the first shift by whole steps of 0.02 m at which the outline meets a blocked cell."""
     row, col = np.nonzero(p_occupied)
     cells = shapely.union_all(shapely.box(*(RESOLUTION * np.array([col, row, col + 1, row + 1]))))
@@ -88,7 +89,7 @@ def test_eased_line_is_the_bounded_least_squares_problems() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_eased_path_between_cones_touches_none_and_has_no_jump_of_curvature(seed) -> None:
+def test_eased_path_between_cones_touches_none_and_has_no_jump_of_curvature(seed: int) -> None:
     poses, field = bent_poses(), terrain(cones(seed, beside=bent_poses(), n=200))
     points = eased_points(poses, wavelength_m=25.0, terrain=field, body=BODY)
     eased = poses_through(points, ends=poses[[0, -1], 2])
@@ -96,3 +97,13 @@ def test_eased_path_between_cones_touches_none_and_has_no_jump_of_curvature(seed
     np.testing.assert_allclose(eased[[0, -1]], poses[[0, -1]], atol=1e-9)
     assert np.abs(np.diff(ReferencePath(poses=poses).curvature)).max() > 0.008
     assert np.abs(np.diff(ReferencePath(poses=eased).curvature)).max() <= 0.002
+
+
+def test_room_is_looked_for_up_to_0_6_m_to_either_side() -> None:
+    room = room_beside(bent_poses(), terrain(np.zeros((160, 400))), BODY)
+    np.testing.assert_allclose(room, np.tile([-0.6, 0.6], (len(room), 1)), atol=0.02)
+
+
+def test_line_without_room_stays_where_it_is() -> None:
+    poses = bent_poses()
+    np.testing.assert_allclose(ease(poses, room=np.zeros((len(poses), 2)), wavelength_m=18.0), poses[:, :2], atol=0.005)

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from wzsumo.path import swept_pieces
-from wzsumo.planning.distance_field import distance_field
+from wzsumo.planning.distance_field import FieldArray, distance_field
 from wzsumo.planning.footprint import POINT_BODY, inscribed_radius, outline_body, pose_is_free, sweep_margin
 from wzsumo.vehicle import VehicleGeometry
 
@@ -11,7 +12,7 @@ CAR = VehicleGeometry()
 RESOLUTION = 0.25
 
 
-def random_map(seed):
+def random_map(seed: int) -> tuple[FieldArray, BaseGeometry]:
     p = (np.random.default_rng(seed).random((80, 80)) < 0.004).astype(np.float32)
     row, col = np.nonzero(p)
     cells = shapely.union_all(shapely.box(*(RESOLUTION * np.array([col, row, col + 1, row + 1]))))
@@ -19,7 +20,7 @@ def random_map(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_outline_is_free_exactly_where_shapely_finds_no_contact(seed) -> None:
+def test_outline_is_free_exactly_where_shapely_finds_no_contact(seed: int) -> None:
     field, cells = random_map(seed)
     body, rng = outline_body(CAR), np.random.default_rng(100 + seed)
     inside = shapely.box(0, 0, 20, 20)

@@ -3,25 +3,39 @@ import heapq
 import numpy as np
 import pytest
 
+from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning import hybrid_astar
 from wzsumo.planning.footprint import outline_body
-from wzsumo.planning.heuristic import cost_to_go
 from wzsumo.planning.lattice import lattice_for, poses_along
 from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.planning.planning_field import cost_to_go
 from wzsumo.planning.terrain import terrain_of
 from wzsumo.vehicle import VehicleGeometry
 
+Pose = tuple[float, float, float]
 BODY = outline_body(VehicleGeometry())
 
 
-def searched(start, goal, *, p_occupied=None, max_expansions=2000, weight=2.0):
+def searched(
+    start: Pose,
+    goal: Pose,
+    *,
+    p_occupied: FloatArray | None = None,
+    max_expansions: int = 2000,
+    weight: float = 2.0,
+    change_cost_m: float | None = None,
+) -> tuple[int, int, FloatArray]:
     p = np.zeros((160, 480), dtype=np.float32) if p_occupied is None else p_occupied.astype(np.float32)
     terrain = terrain_of(
         OccupancyGrid(p_occupied=p, resolution=0.25, origin=(0.0, 0.0)), body=BODY, spec=PlannerSpec(), reach_m=3.0
     )
-    remaining = cost_to_go(terrain.multiplier, dearest=12.0, goal_cell=(int(goal[1] * 4), int(goal[0] * 4)), resolution=0.25)
+    remaining = cost_to_go(
+        terrain.multiplier, max_metre_cost=12.0, goal_cell=(int(goal[1] * 4), int(goal[0] * 4)), resolution=0.25
+    )
     lattice = lattice_for(BODY, max_curvature=0.02, resolution=0.25, fineness=1)
+    if change_cost_m is not None:
+        lattice = lattice._replace(change_cost_m=change_cost_m)
     return hybrid_astar.search(
         terrain, remaining, BODY, lattice, np.array(start, dtype=float), np.array(goal, dtype=float), weight, max_expansions
     )
@@ -35,7 +49,7 @@ def test_search_on_open_ground_goes_straight_to_a_goal_straight_ahead() -> None:
 
 
 @pytest.mark.parametrize("goal", [(110, 25, 0), (105, 12, -0.1), (100, 30, 0.3)])
-def test_segments_of_a_search_lead_to_the_goal_pose(goal) -> None:
+def test_segments_of_a_search_lead_to_the_goal_pose(goal: Pose) -> None:
     outcome, _, segments = searched((10, 20, 0), goal)
     assert outcome == hybrid_astar.FOUND
     end = poses_along(np.array([10.0, 20.0, 0.0]), segments, max_step_m=1.0)[-1]
@@ -57,7 +71,8 @@ def test_search_is_exhausted_where_nothing_can_be_reached() -> None:
 
 def test_queue_gives_its_entries_in_the_order_of_heapq() -> None:
     rng = np.random.default_rng(3)
-    costs, nodes, size, twin = np.empty(512), np.empty(512, dtype=np.int64), 0, []
+    costs, nodes, size = np.empty(512), np.empty(512, dtype=np.int64), 0
+    twin: list[tuple[float, int]] = []
     for node in range(500):
         cost = rng.random()
         size = hybrid_astar._push(costs, nodes, size, cost, node)
@@ -74,7 +89,7 @@ def test_queue_gives_its_entries_in_the_order_of_heapq() -> None:
 def test_table_finds_what_a_dict_finds_also_after_it_has_grown() -> None:
     rng = np.random.default_rng(4)
     keys, holders = hybrid_astar._empty_table(64)
-    twin = {}
+    twin: dict[int, int] = {}
     for node in range(2000):
         key = int(rng.integers(0, 500)) << 40 | int(rng.integers(0, 4)) << 16 | int(rng.integers(0, 3))
         slot = hybrid_astar._slot(keys, key)
@@ -86,9 +101,30 @@ def test_table_finds_what_a_dict_finds_also_after_it_has_grown() -> None:
         assert holders[hybrid_astar._slot(keys, key)] == node
 
 
-@pytest.mark.parametrize(("speed_curvature", "step_m"), [(0.02, 4.0), (0.2, 0.35 / 0.17)])
-def test_lattice_turns_at_most_20_degrees_a_step_and_checks_to_7_cm(speed_curvature: float, step_m: float) -> None:
-    lattice = lattice_for(BODY, max_curvature=speed_curvature, resolution=0.25, fineness=1)
-    assert lattice.step_m == pytest.approx(step_m)
-    assert lattice.sweep_margin * lattice.sharpest <= 0.07 + 1e-9
-    assert np.abs(lattice.curvatures).max() < speed_curvature
+def test_changes_of_curvature_cost_in_the_search() -> None:
+    p = np.zeros((160, 480))
+    p[:82, 200:240] = 1  # up to y = 20.5 m, to be passed on the left
+    total_changes = []
+    for change_cost_m in (None, 0.0):
+        outcome, _, segments = searched((10, 20, 0), (110, 20, 0), p_occupied=p, weight=1.0, change_cost_m=change_cost_m)
+        assert outcome == hybrid_astar.FOUND
+        total_changes.append(np.abs(np.diff(segments[segments[:, 0] > 0, 1])).sum())
+    assert total_changes[0] < 0.5 * total_changes[1]
+
+
+@pytest.mark.parametrize("goal", [(60, 24, 0), (105, 12, -0.1), (100, 30, 0.3)])
+def test_search_ends_20_expansions_after_a_connection_that_costs_about_the_cost_to_go(goal: Pose) -> None:
+    outcome, n_expansions, _ = searched((10, 20, 0), goal)  # the start itself is connected with the goal
+    assert (outcome, n_expansions) == (hybrid_astar.FOUND, 1 + 20)
+
+
+def test_search_goes_on_for_500_expansions_after_a_dear_connection_and_finds_the_way_round() -> None:
+    # Doubtful ground on the straight line, 20 m long and 7 m wide: straight on costs 70 + 20 (1 + 10 x 0.19) = 128, round it
+    # little more than 90. The start is connected at once; by 21 expansions nothing better is known.
+    p = np.zeros((160, 480))
+    p[66:94, 200:280] = 0.19
+    found = [searched((10, 20, 0), (100, 20, 0), p_occupied=p, max_expansions=limit) for limit in (21, 2000)]
+    assert [(outcome, n) for outcome, n, _ in found] == [(hybrid_astar.FOUND, 21), (hybrid_astar.FOUND, 501)]
+    straight, around = (poses_along(np.array([10.0, 20.0, 0.0]), segments, max_step_m=0.5)[:, 1] for _, _, segments in found)
+    assert np.abs(straight - 20).max() < 0.1
+    assert np.abs(around - 20).max() > 3.5

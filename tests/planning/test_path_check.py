@@ -1,19 +1,22 @@
 import numpy as np
+import numpy.typing as npt
 import pytest
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.footprint import outline_body
-from wzsumo.planning.path_check import exposure_along, touching_poses
+from wzsumo.planning.path_check import Exposure, exposure_along, touching_poses
 from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.planning.terrain import terrain_of
+from wzsumo.planning.terrain import Terrain, terrain_of
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
 BODY = outline_body(CAR)
 
 
-def exposure_of(p_occupied, poses, limit_m=1.5):
+def exposure_of(p_occupied: FloatArray, poses: npt.ArrayLike, limit_m: float = 1.5) -> tuple[Exposure, Terrain]:
     grid = OccupancyGrid(p_occupied=p_occupied.astype(np.float32), resolution=0.25, origin=(0.0, 0.0))
     terrain = terrain_of(grid, body=BODY, spec=PlannerSpec(), reach_m=3.0)
     return exposure_along(
@@ -25,13 +28,13 @@ def exposure_of(p_occupied, poses, limit_m=1.5):
     ), terrain
 
 
-def squares(mask):
+def squares(mask: FloatArray) -> BaseGeometry:
     row, col = np.nonzero(mask)
     return shapely.union_all(shapely.box(*(0.25 * np.array([col, row, col + 1, row + 1]))))
 
 
 @pytest.mark.parametrize("seed", range(25))
-def test_clearance_of_one_pose_equals_shapelys_distance_to_blocked_squares_and_the_border(seed) -> None:
+def test_clearance_of_one_pose_equals_shapelys_distance_to_blocked_squares_and_the_border(seed: int) -> None:
     rng = np.random.default_rng(seed)
     p = (rng.random((80, 80)) < 0.002).astype(float)
     pose = rng.uniform([4, 4, -4], [16, 16, 4])
@@ -43,7 +46,7 @@ def test_clearance_of_one_pose_equals_shapelys_distance_to_blocked_squares_and_t
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_largest_p_under_one_pose_equals_that_of_the_squares_that_shapely_intersects(seed) -> None:
+def test_largest_p_under_one_pose_equals_that_of_the_squares_that_shapely_intersects(seed: int) -> None:
     rng = np.random.default_rng(seed)
     p = rng.random((80, 80)) * 0.19
     pose = rng.uniform([5, 5, -4], [15, 15, 4])

@@ -1,34 +1,42 @@
 import dataclasses
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 import shapely
-from planning.grids import Alignment, work_zone_grid
+from planning.grids import Alignment, Kind, Pose, work_zone_grid
 from shapely import STRtree
 
 from wzsumo.errors import MapError
-from wzsumo.frames import wrap_angle
+from wzsumo.frames import FloatArray, wrap_angle
 from wzsumo.grid import OccupancyGrid
-from wzsumo.planning import distance_field, heuristic, hybrid_astar, path_check, pushing, terrain
-from wzsumo.planning.plan import PlanStatus, compile_kernels, plan_from, plan_path, prepare
+from wzsumo.path import ReferencePath
+from wzsumo.planning import distance_field, hybrid_astar, path_check, planning_field, pushing, terrain
+from wzsumo.planning.plan import Plan, PlanStatus, compile_kernels, plan_from, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.planning.planning_field import prepare_field
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
-STRAIGHT = (10.0, 20.0, 0.0), (140.0, 20.0, 0.0)
+STRAIGHT: tuple[Pose, Pose] = (10.0, 20.0, 0.0), (140.0, 20.0, 0.0)
 
 
-def grid_of(p_occupied, resolution=0.25, origin=(0.0, 0.0)):
+def pose_of(values: FloatArray) -> Pose:
+    x, y, heading = values.tolist()
+    return x, y, heading
+
+
+def grid_of(p_occupied: npt.ArrayLike, resolution: float = 0.25, origin: tuple[float, float] = (0.0, 0.0)) -> OccupancyGrid:
     return OccupancyGrid(p_occupied=np.asarray(p_occupied, dtype=np.float32), resolution=resolution, origin=origin)
 
 
-def corridor(width_m, length_m=150.0, resolution=0.25):
+def corridor(width_m: float, length_m: float = 150.0, resolution: float = 0.25) -> OccupancyGrid:
     """A free strip about y = 20 m on a map 40 m wide."""
     y = (np.arange(int(40 / resolution)) + 0.5) * resolution
     return grid_of(np.tile((np.abs(y - 20) > width_m / 2)[:, None], (1, int(length_m / resolution))), resolution)
 
 
-def clearances(path, grid):
+def clearances(path: ReferencePath, grid: OccupancyGrid) -> FloatArray:
     """Distances (n,) [m] by shapely of the outlines from the blocked cells; 0 on contact."""
     blocked = np.pad(~grid.free, 1, constant_values=False)
     shell = blocked & ~(np.roll(blocked, 1, 0) & np.roll(blocked, -1, 0) & np.roll(blocked, 1, 1) & np.roll(blocked, -1, 1))
@@ -36,12 +44,17 @@ def clearances(path, grid):
     low = np.array(grid.origin) + grid.resolution * np.column_stack([col, row])
     tree = STRtree(shapely.box(*low.T, *(low + grid.resolution).T))
     outlines = shapely.polygons([CAR.outline(pose) for pose in path.poses])
-    return tree.query_nearest(outlines, return_distance=True, all_matches=False)[1]
+    return np.asarray(tree.query_nearest(outlines, return_distance=True, all_matches=False)[1])
 
 
-def assert_drivable(plan, *, goal, grid, max_curvature=0.02) -> None:
+def path_of(plan: Plan) -> ReferencePath:
+    assert plan.path is not None, plan.reason
+    return plan.path
+
+
+def assert_drivable(plan: Plan, *, goal: Pose, grid: OccupancyGrid, max_curvature: float = 0.02) -> None:
     assert plan.status == PlanStatus.FOUND, plan.reason
-    path = plan.path
+    path = path_of(plan)
     assert np.diff(path.arc_length).max() <= 0.5
     assert np.hypot(*(path.poses[-1, :2] - goal[:2])) <= 0.1
     assert abs(wrap_angle(path.poses[-1, 2] - goal[2])) <= np.deg2rad(1)
@@ -58,7 +71,7 @@ def assert_drivable(plan, *, goal, grid, max_curvature=0.02) -> None:
     ids=["straight", "turned 23 deg", "turned 45 deg", "bend of 300 m", "bend of 900 m"],
 )
 @pytest.mark.parametrize("kind", ["corridor", "cones"])
-def test_plan_through_a_lane_closure_is_smooth_and_keeps_half_a_metre(kind: str, alignment) -> None:
+def test_plan_through_a_lane_closure_is_smooth_and_keeps_half_a_metre(kind: Kind, alignment: Alignment | None) -> None:
     grid, start, goal = work_zone_grid(kind=kind, alignment=alignment)
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())
     assert_drivable(plan, goal=goal, grid=grid)
@@ -79,14 +92,14 @@ def test_bend_that_is_too_sharp_for_the_planned_speed_is_planned_for_the_speed_t
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec(planned_speed_mps=26.8))
     assert plan.status is PlanStatus.FOUND
     assert plan.speed_mps == pytest.approx(26.8 / np.sqrt(2))
-    assert np.abs(plan.path.curvature).max() <= 2.0 / plan.speed_mps**2
-    assert np.abs(plan.path.curvature).max() > 2.0 / 26.8**2
+    assert np.abs(path_of(plan).curvature).max() <= 2.0 / plan.speed_mps**2
+    assert np.abs(path_of(plan).curvature).max() > 2.0 / 26.8**2
 
 
 def test_reported_clearance_equals_shapelys() -> None:
     grid, start, goal = work_zone_grid()
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())
-    assert plan.min_clearance_m == pytest.approx(clearances(plan.path, grid).min(), abs=1e-6)
+    assert plan.min_clearance_m == pytest.approx(clearances(path_of(plan), grid).min(), abs=1e-6)
 
 
 def test_papers_point_on_an_inflated_map_passes_where_the_car_does_not_fit() -> None:
@@ -100,10 +113,10 @@ def test_papers_point_on_an_inflated_map_passes_where_the_car_does_not_fit() -> 
 
 @pytest.mark.parametrize("name", ["start", "goal"])
 @pytest.mark.parametrize("pose", [(-1.0, 20.0, 0.0), (10.0, 1e9, 0.0), (np.nan, 20.0, 0.0)])
-def test_pose_off_the_map_is_refused_with_its_numbers(name: str, pose) -> None:
-    poses = {"start": STRAIGHT[0], "goal": STRAIGHT[1], name: pose}
+def test_pose_off_the_map_is_refused_with_its_numbers(name: str, pose: Pose) -> None:
+    poses = {"start": STRAIGHT[0], "goal": STRAIGHT[1]} | {name: pose}
     with pytest.raises(MapError, match=rf"{name} \(.*(map|finite)"):
-        plan_path(corridor(4), **poses, vehicle=CAR, spec=PlannerSpec())
+        plan_path(corridor(4), start=poses["start"], goal=poses["goal"], vehicle=CAR, spec=PlannerSpec())
 
 
 def test_map_beyond_the_size_limit_is_refused_with_both_numbers() -> None:
@@ -114,7 +127,7 @@ def test_map_beyond_the_size_limit_is_refused_with_both_numbers() -> None:
         plan_path(grid, start=(10, 10, 0), goal=(100, 10, 0), vehicle=CAR, spec=PlannerSpec())
 
 
-def walled(gap_m):
+def walled(gap_m: float) -> OccupancyGrid:
     p = corridor(40).p_occupied.copy()
     p[:, 300:304] = 1
     p[int((20 - gap_m / 2) * 4) : int((20 + gap_m / 2) * 4), 300:304] = 0
@@ -136,7 +149,7 @@ def walled(gap_m):
     ],
     ids=["all occupied", "slot", "goal across", "goal in wall", "goal at edge", "wall", "gap 1 m", "gap 3 m", "all free"],
 )
-def test_status_on_simple_maps(grid, start, goal, status) -> None:
+def test_status_on_simple_maps(grid: OccupancyGrid, start: Pose, goal: Pose, status: str) -> None:
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())
     assert plan.status == status
     assert (plan.path is None) == (plan.reason != "") == (status != "FOUND")
@@ -167,12 +180,11 @@ def test_corridor_a_hand_wider_than_the_car_is_driven_without_contact() -> None:
 
 def test_plans_from_a_kept_field_equal_plans_made_at_once() -> None:
     grid, start, goal = work_zone_grid()
-    field = prepare(grid, goal=goal, vehicle=CAR, spec=PlannerSpec())
-    for x in (start[0], 60.0, 500.0):
-        begin = start if x == start[0] else plan_from(field, start=start).path.poses[int(x / 0.48)]
-        begin = tuple(float(value) for value in begin)
+    field = prepare_field(grid, goal=goal, vehicle=CAR, spec=PlannerSpec())
+    whole = path_of(plan_from(field, start=start)).poses
+    for begin in (start, *(pose_of(whole[int(x / 0.48)]) for x in (60.0, 500.0))):
         kept, fresh = plan_from(field, start=begin), plan_path(grid, start=begin, goal=goal, vehicle=CAR, spec=PlannerSpec())
-        np.testing.assert_array_equal(kept.path.poses, fresh.path.poses)
+        np.testing.assert_array_equal(path_of(kept).poses, path_of(fresh).poses)
         assert dataclasses.replace(kept, timings_ms={}, path=None) == dataclasses.replace(fresh, timings_ms={}, path=None)
 
 
@@ -181,8 +193,8 @@ def test_path_moves_with_the_maps_origin() -> None:
     here = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec())
     far = grid_of(grid.p_occupied, origin=(4096.0, -8192.0))
     shift = np.array([4096.0, -8192.0, 0.0])
-    there = plan_path(far, start=tuple(start + shift), goal=tuple(goal + shift), vehicle=CAR, spec=PlannerSpec())
-    np.testing.assert_allclose(there.path.poses - shift, here.path.poses, atol=1e-6)
+    there = plan_path(far, start=pose_of(start + shift), goal=pose_of(goal + shift), vehicle=CAR, spec=PlannerSpec())
+    np.testing.assert_allclose(path_of(there).poses - shift, path_of(here).poses, atol=1e-6)
 
 
 def test_path_goes_round_cells_that_are_likely_but_not_certainly_occupied() -> None:
@@ -204,19 +216,19 @@ def test_unknown_cells_are_not_free() -> None:
     assert plan_path(grid_of(p), start=STRAIGHT[0], goal=STRAIGHT[1], vehicle=CAR, spec=bold).status == "FOUND"
 
 
-def test_way_that_was_found_in_haste_is_looked_for_again_with_care() -> None:
+def test_path_that_a_hasty_search_found_is_looked_for_again_with_care() -> None:
     grid, start, goal = work_zone_grid(resolution=0.25, kind="cones")
     plans = [
         plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec(max_expansions=n)) for n in (100_000, 20_000)
     ]
     # The careful search may take 1.5 % of the limit: enough of the first, too little of the second.
     assert 300 < plans[0].n_expansions < 1500 < plans[1].n_expansions
-    np.testing.assert_array_equal(plans[1].path.poses, plans[0].path.poses)
+    np.testing.assert_array_equal(path_of(plans[1]).poses, path_of(plans[0]).poses)
 
 
 KERNELS = (
     distance_field._fill_distances,
-    heuristic._spread_costs,
+    planning_field._spread_costs,
     hybrid_astar.search,
     path_check._min_clearance,
     path_check._max_p_under,
@@ -235,7 +247,7 @@ def test_odd_but_valid_input_plans_the_same_path_with_no_further_compilation() -
     odd.setflags(write=False)
     grid = grid_of(odd, resolution=1, origin=(0, 0))
     plan = plan_path(grid, start=(10, 20, 0), goal=(140, 20, 0), vehicle=CAR, spec=PlannerSpec(heuristic_weight=1.2))
-    np.testing.assert_array_equal(plan.path.poses, expected.path.poses)
+    np.testing.assert_array_equal(path_of(plan).poses, path_of(expected).poses)
     assert [len(kernel.signatures) for kernel in KERNELS] == compiled
 
 
@@ -244,13 +256,13 @@ def test_goal_at_or_just_ahead_of_the_start_is_reached_on_a_straight(distance_m:
     goal = (10.0 + distance_m, 20.0, 0.0)
     plan = plan_path(corridor(4), start=STRAIGHT[0], goal=goal, vehicle=CAR, spec=PlannerSpec())
     assert plan.status == "FOUND"
-    assert plan.path.arc_length[-1] == pytest.approx(distance_m, abs=1e-6)
-    np.testing.assert_allclose(plan.path.poses[-1], goal, atol=1e-6)
+    assert path_of(plan).arc_length[-1] == pytest.approx(distance_m, abs=1e-6)
+    np.testing.assert_allclose(path_of(plan).poses[-1], goal, atol=1e-6)
 
 
 def test_timings_of_a_kept_field_count_for_the_first_plan_alone() -> None:
     grid, start, goal = work_zone_grid()
-    field = prepare(grid, goal=goal, vehicle=CAR, spec=PlannerSpec())
+    field = prepare_field(grid, goal=goal, vehicle=CAR, spec=PlannerSpec())
     again = plan_from(field, start=start).timings_ms
     first = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=PlannerSpec()).timings_ms
     assert again["distance_field"] == again["heuristic"] == 0
@@ -265,5 +277,5 @@ def test_path_through_two_open_lanes_does_not_weave_between_them() -> None:
     p[20:49, :] = 0.0
     grid = OccupancyGrid(p_occupied=p, resolution=0.25, origin=(0.0, 0.0))
     plan = plan_path(grid, start=(10.0, 10.5, 0.0), goal=(980.0, 10.5, 0.0), vehicle=VehicleGeometry(), spec=PlannerSpec())
-    sideways = np.abs(np.diff(plan.path.poses[:, 1])).sum()
+    sideways = np.abs(np.diff(path_of(plan).poses[:, 1])).sum()
     assert sideways < 8.0  # a quadratic price of turning gave 37 m

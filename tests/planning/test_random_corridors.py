@@ -4,10 +4,10 @@ import numpy as np
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planning.grids import Alignment
+from planning.grids import Alignment, Pose
 from shapely import STRtree
 
-from wzsumo.frames import wrap_angle
+from wzsumo.frames import FloatArray, wrap_angle
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.plan import plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
@@ -19,7 +19,7 @@ FREEWAY_CURVATURE_1PM, JUMP_1PM = 0.02, 0.002
 
 
 @st.composite
-def corridors(draw):
+def corridors(draw: st.DrawFn) -> tuple[OccupancyGrid, Pose, Pose, bool]:
     """(Grid, start, goal, whether half a metre can be kept): a corridor with a taper, perhaps a lane beside it as bait."""
     resolution = draw(st.sampled_from([0.125, 0.2, 0.25, 0.4]))
     road = Alignment(angle=draw(st.floats(-np.pi, np.pi)), radius_m=draw(st.sampled_from([None, 300.0, 1000.0])))
@@ -48,18 +48,18 @@ def corridors(draw):
     return grid, road.pose(6.0, middle), road.pose(LENGTH_M - 6.0, middle + shift), roomy
 
 
-def clearances(poses, grid):
+def clearances(poses: FloatArray, grid: OccupancyGrid) -> FloatArray:
     """Distances (n,) [m] by shapely of the outlines from the blocked cells; 0 on contact."""
     row, col = np.nonzero(grid.p_occupied >= SPEC.max_p_occupied)
     low = np.array(grid.origin) + grid.resolution * np.column_stack([col, row])
     tree = STRtree(shapely.box(*low.T, *(low + grid.resolution).T))
     outlines = shapely.polygons([CAR.outline(pose) for pose in poses])
-    return tree.query_nearest(outlines, return_distance=True, all_matches=False)[1]
+    return np.asarray(tree.query_nearest(outlines, return_distance=True, all_matches=False)[1])
 
 
 @settings(max_examples=40)
 @given(corridors())
-def test_path_through_a_random_corridor_keeps_every_promise(corridor) -> None:
+def test_path_through_a_random_corridor_keeps_every_promise(corridor: tuple[OccupancyGrid, Pose, Pose, bool]) -> None:
     grid, start, goal, roomy = corridor
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=SPEC)
     if plan.path is None:

@@ -1,91 +1,25 @@
 import numpy as np
 import pytest
 
+from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
 from wzsumo.planning.footprint import outline_body
 from wzsumo.planning.lattice import poses_along
+from wzsumo.planning.path_check import cost_along
 from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.planning.pushing import smooth
 from wzsumo.planning.smoothing import smoothed_poses
-from wzsumo.planning.terrain import terrain_of
+from wzsumo.planning.terrain import Terrain, terrain_of
 from wzsumo.vehicle import VehicleGeometry
 
 BODY = outline_body(VehicleGeometry())
 LANE_CHANGE = np.array([(20.0, 0.0), (15.0, 0.017), (15.0, -0.017), (20.0, 0.0)])
 
 
-def terrain(p_occupied=None):
+def terrain(p_occupied: FloatArray | None = None) -> Terrain:
     p = np.zeros((160, 400)) if p_occupied is None else p_occupied
     grid = OccupancyGrid(p_occupied=p.astype(np.float32), resolution=0.25, origin=(0.0, 0.0))
     return terrain_of(grid, body=BODY, spec=PlannerSpec(), reach_m=3.0)
-
-
-def slow_smooth(points, headings, stiffness):
-    """One dense least-squares problem: stay at the points, keep third differences small, ends and headings there given."""
-    n, step = len(points), np.hypot(*(points[1] - points[0]))
-    rows = np.zeros((n - 1, n + 2))  # columns: mirror point before, the points, mirror point after
-    for i in range(n - 1):
-        rows[i, i : i + 4] = (-1, 3, -3, 1)
-    solved = np.empty_like(points)
-    for axis, way in enumerate((np.cos, np.sin)):
-        d = rows.copy()
-        constant = -d[:, 0] * 2 * step * way(headings[0]) + d[:, -1] * 2 * step * way(headings[1])
-        d[:, 2] += d[:, 0]  # before = second point - way; after = last but one + way
-        d[:, -3] += d[:, -1]
-        d = d[:, 1:-1]
-        constant = constant + d[:, 0] * points[0, axis] + d[:, -1] * points[-1, axis]
-        inner = d[:, 1:-1]
-        weighted = np.vstack([np.eye(n - 2), np.sqrt(stiffness) * inner])
-        target = np.concatenate([points[1:-1, axis], -np.sqrt(stiffness) * constant])
-        solved[1:-1, axis] = np.linalg.lstsq(weighted, target, rcond=None)[0]
-        solved[[0, -1], axis] = points[[0, -1], axis]
-    return solved
-
-
-@pytest.mark.parametrize("wavelength_m", [4.0, 15.0, 40.0])
-def test_smoothing_far_from_obstacles_equals_one_dense_least_squares_problem(wavelength_m: float) -> None:
-    poses = poses_along(np.array([15.0, 15.0, 0.1]), LANE_CHANGE, max_step_m=0.5)
-    headings = (poses[0, 2], poses[-1, 2])
-    found = smooth(
-        poses[:, :2],
-        headings=headings,
-        wavelength_m=wavelength_m,
-        clearances_m=np.full(len(poses), 0.5),
-        terrain=terrain(),
-        body=BODY,
-    )
-    step = np.hypot(*(poses[1, :2] - poses[0, :2]))
-    expected = slow_smooth(poses[:, :2], headings, (wavelength_m / (2 * np.pi * step)) ** 6)
-    np.testing.assert_allclose(found, expected, atol=1e-5)
-
-
-def test_straight_line_stays_straight() -> None:
-    poses = poses_along(np.array([10.0, 20.0, 0.0]), np.array([(70.0, 0.0)]), max_step_m=0.5)
-    found = smooth(
-        poses[:, :2],
-        headings=(0.0, 0.0),
-        wavelength_m=60.0,
-        clearances_m=np.full(len(poses), 0.7),
-        terrain=terrain(),
-        body=BODY,
-    )
-    np.testing.assert_allclose(found, poses[:, :2], atol=1e-9)
-
-
-def test_path_off_the_middle_of_a_corridor_moves_there() -> None:
-    p = np.ones((160, 400))
-    p[72:86] = 0  # 3.5 m wide, middle at y = 19.75 m
-    poses = poses_along(np.array([10.0, 19.3, 0.0]), np.array([(75.0, 0.0)]), max_step_m=0.5)
-    found = smooth(
-        poses[:, :2],
-        headings=(0.0, 0.0),
-        wavelength_m=25.0,
-        clearances_m=np.full(len(poses), 1.0),
-        terrain=terrain(p),
-        body=BODY,
-    )
-    np.testing.assert_allclose(found[40:-40, 1], 19.75, atol=0.05)
 
 
 def test_smoothed_poses_keep_both_end_poses_and_the_limits_of_curvature() -> None:
@@ -111,3 +45,36 @@ def test_place_where_clearance_would_take_too_sharp_a_bend_costs_none_elsewhere(
     beside = (found[:, 0] > 40) & (found[:, 0] < 70)
     assert found[beside, 1].min() - BODY.half_width - 18.5 > 0.65
     assert np.abs(ReferencePath(poses=found).curvature).max() <= 0.001
+
+
+@pytest.mark.parametrize(("n", "smoothed"), [(8, False), (9, True)])
+def test_path_of_fewer_than_9_poses_is_not_smoothed(n: int, smoothed: bool) -> None:
+    poses = poses_along(np.array([15.0, 15.0, 0.1]), np.array([(0.24 * (n - 1), 0.1), (0.24 * (n - 1), -0.1)]), max_step_m=0.48)
+    assert len(poses) == n
+    found = smoothed_poses(
+        poses, terrain=terrain(), body=BODY, preferred_clearance_m=1.0, max_curvature=0.2, max_curvature_jump=0.002
+    )
+    assert np.array_equal(found, poses) != smoothed
+
+
+def test_poses_that_no_smoothing_can_better_come_back_as_they_are() -> None:
+    p = np.ones((160, 400))
+    p[76:84] = 0  # a slot of 2 m: 7 cm on either side
+    poses = poses_along(np.array([10.0, 20.0, 0.0]), np.array([(75.0, 0.0)]), max_step_m=0.48)
+    found = smoothed_poses(
+        poses, terrain=terrain(p), body=BODY, preferred_clearance_m=1.0, max_curvature=0.02, max_curvature_jump=0.002
+    )
+    np.testing.assert_allclose(found, poses, atol=0.03)
+
+
+def test_smoothing_takes_no_short_cut_through_what_costs_more_than_a_fifth() -> None:
+    # A bulge of 2 m round doubtful ground on the straight line: every strong smoothing would lead over that ground.
+    p = np.zeros((160, 800))
+    p[76:84, 380:420] = 0.19  # 10 m long, costs 1 + 10 x 0.19 = 2.9 a metre
+    arcs = np.array([(20.0, 0.0), (17.0, 0.012), (34.0, -0.012), (17.0, 0.012), (20.0, 0.0)])
+    poses = poses_along(np.array([46.0, 17.0, 0.0]), arcs, max_step_m=0.48)
+    searched = cost_along(poses, terrain(p))
+    found = smoothed_poses(
+        poses, terrain=terrain(p), body=BODY, preferred_clearance_m=1.0, max_curvature=0.02, max_curvature_jump=0.002
+    )
+    assert cost_along(found, terrain(p)) <= 1.05 * searched

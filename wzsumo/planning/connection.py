@@ -1,6 +1,8 @@
 """The analytic end of a search: the cheapest Dubins curve from a state to the goal that the body can follow.
 
-Clearance and p(occupied) cost here what they cost in the search; every curvature of the search is tried, gentle ones too.
+A Dubins curve consists of three segments, arcs of one radius or straight; its word names them: L, S, R (left, straight, right).
+Clearance and p(occupied) cost here what they cost in the search, and every curvature of the search is tried.
+Source: Dubins, On Curves of Minimal Length with a Constraint on Average Curvature, 1957.
 """
 
 import math
@@ -12,6 +14,11 @@ from wzsumo.frames import FloatArray
 from wzsumo.planning.footprint import Body, pose_is_free
 from wzsumo.planning.lattice import Lattice
 from wzsumo.planning.terrain import Terrain
+
+N_WORDS = 6  # LSL, RSR, LSR, RSL, RLR, LRL
+# Signs of curvature of the three segments of each word.
+_SIGNS = ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (-1, 1, -1), (1, -1, 1))
+_TURN = 2 * math.pi
 
 
 @njit(cache=True, error_model="numpy")
@@ -26,21 +33,23 @@ def connect(
     goal: FloatArray,
     limit: float,
 ) -> tuple[float, FloatArray]:
-    """(cost, segments (3, 2): length [m] and curvature [1/m]) of the cheapest free curve below `limit`; else infinite cost."""
+    """(Cost, segments (3, 2): length [m] and curvature [1/m]) of the cheapest free curve below `limit`; else infinite cost."""
     best, segments = math.inf, np.zeros((3, 2))
-    for bend in lattice.curvatures:
-        if bend <= 0:
+    for curvature in lattice.curvatures:
+        if curvature <= 0:
             continue
         for word in range(N_WORDS):
-            lengths = dubins_word(word, goal[0] - x, goal[1] - y, heading, goal[2], 1 / bend)
+            lengths = dubins_word(word, goal[0] - x, goal[1] - y, heading, goal[2], 1 / curvature)
             if not lengths[0] + lengths[1] + lengths[2] < min(best, limit):
                 continue
-            cost = _cost_along(terrain, body, lattice, x, y, heading, last_curvature, word, bend, lengths, min(best, limit))
+            cost = _cost_along(
+                terrain, body, lattice, x, y, heading, last_curvature, word, curvature, lengths, min(best, limit)
+            )
             if cost < best:
                 best = cost
                 for segment in range(3):
                     segments[segment, 0] = lengths[segment]
-                    segments[segment, 1] = segment_sign(word, segment) * bend
+                    segments[segment, 1] = segment_sign(word, segment) * curvature
     return best, segments
 
 
@@ -64,16 +73,16 @@ def _cost_along(
     heading: float,
     last_curvature: float,
     word: int,
-    bend: float,
+    sharpness: float,
     lengths: tuple[float, float, float],
     limit: float,
 ) -> float:
-    """Cost of one curve, infinite where the body touches a blocked cell or the cost reaches the limit."""
+    """Cost of a word with arcs of curvature `sharpness`; infinite where the body touches a blocked cell or from `limit` on."""
     resolution, cost = terrain.resolution, 0.0
     for segment in range(3):
         if lengths[segment] == 0:
             continue
-        curvature = segment_sign(word, segment) * bend
+        curvature = segment_sign(word, segment) * sharpness
         cost += lattice.change_cost_m * abs(curvature - last_curvature) / lattice.sharpest
         last_curvature = curvature
         n = max(1, math.ceil(lengths[segment] / lattice.check_m))
@@ -81,30 +90,27 @@ def _cost_along(
         half = curvature * step / 2
         chord = step * (math.sin(half) / half if half != 0 else 1.0)
         margin = lattice.sweep_margin * abs(curvature)
-        dearer = step * (1 + lattice.turn_cost * abs(curvature) / lattice.sharpest)
+        step_cost = step * (1 + lattice.turn_cost * abs(curvature) / lattice.sharpest)
         for _ in range(n):
             x += chord * math.cos(heading + half)
             y += chord * math.sin(heading + half)
             heading += 2 * half
             if not pose_is_free(terrain.distance, resolution, body, x, y, heading, margin):
                 return math.inf
-            cost += dearer * terrain.multiplier[int(y / resolution) + 1, int(x / resolution) + 1]
+            cost += step_cost * terrain.multiplier[int(y / resolution) + 1, int(x / resolution) + 1]
             if not cost < limit:
                 return math.inf
     return cost
-
-
-N_WORDS = 6
-# Signs of curvature of the three segments of each word: LSL, RSR, LSR, RSL, RLR, LRL.
-_SIGNS = ((1, 0, 1), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (-1, 1, -1), (1, -1, 1))
-_TURN = 2 * math.pi
 
 
 @njit(cache=True, error_model="numpy")
 def dubins_word(
     word: int, d_x: float, d_y: float, start_heading: float, goal_heading: float, radius: float
 ) -> tuple[float, float, float]:
-    """Lengths [m] of the three segments of one word over the way (d_x, d_y); infinite first length where there is none."""
+    """Lengths [m] of the three segments of one word to a goal off by (d_x, d_y).
+
+    A word that does not lead there has an infinite first length.
+    """
     d = math.hypot(d_x, d_y) / radius
     bearing = math.atan2(d_y, d_x)
     a, b = (start_heading - bearing) % _TURN, (goal_heading - bearing) % _TURN
@@ -141,7 +147,7 @@ def dubins_word(
         towards = math.atan2(side * (cos_a - cos_b), d - side * (sin_a - sin_b))
         t = (side * (a - towards) + p / 2) % _TURN
         q = side * (a - b) - t + p
-    if word < 2 and p < 1e-6:  # one arc: where to go straight on is undefined
+    if word < 2 and p < 1e-6:  # one arc alone: the direction of a straight of no length is undefined
         t, q = (b - a if word == 0 else a - b), 0.0
     return radius * _forward(t), radius * p, radius * _forward(q)
 
@@ -154,6 +160,6 @@ def segment_sign(word: int, segment: int) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _forward(angle: float) -> float:
-    """The angle in [0, 2 pi); what is a full turn but for rounding is none."""
+    """The angle in [0, 2 pi); a full turn but for rounding is 0."""
     turned = angle % _TURN
     return 0.0 if turned > _TURN - 1e-9 else turned

@@ -1,7 +1,7 @@
-"""How far each cell is from the nearest blocked one: exact, clipped, what lies outside the map counts as blocked.
+"""How far each cell of a map is from the nearest blocked cell; everything outside the map counts as blocked.
 
-The distance runs from the CENTRE of a cell to the nearest point of a blocked cell's SQUARE. A point anywhere in a cell is
-therefore at most half a cell diagonal nearer than the field says.
+The distance runs from the CENTRE of a cell to the nearest point of a blocked cell's SQUARE. Any point of a cell is therefore at
+most half a cell diagonal nearer to an obstacle than the field says.
 """
 
 import math
@@ -20,7 +20,7 @@ def distance_field(p_occupied: FieldArray, *, max_p_occupied: float, resolution:
     Source: Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012 (the separation, not their scan).
     """
     reach = max(1, math.ceil(limit_m / resolution + 0.5))
-    field = np.empty(p_occupied.shape, dtype=np.float32)  # from NumPy, not in the kernel: NumPy asks the system for large pages
+    field = np.empty(p_occupied.shape, dtype=np.float32)  # by NumPy, not by the kernel: NumPy asks the system for large pages
     _fill_distances(field, p_occupied, np.float32(max_p_occupied), np.float32(resolution), reach, np.float32(limit_m))
     return field
 
@@ -35,7 +35,7 @@ def _fill_distances(  # noqa: C901 - one pass over the cells: a call in it costs
     reach: int,
     limit_m: np.float32,
 ) -> None:
-    """Distances along y, then their squares, then the result, all in the same memory: more of it costs time."""
+    """Distances along y, then their squares, then the result, all in the same memory: touching more of it costs time."""
     rows, cols = p_occupied.shape
     far, half, one, none = np.float32(reach + 0.5), np.float32(0.5), np.float32(1.0), np.float32(0.0)
     # Up and down the columns: 0 in a blocked cell, 1/2 beside it, then one more a row. Beyond both ends lies a blocked row.

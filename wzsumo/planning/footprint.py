@@ -1,7 +1,7 @@
 """Whether the exact outline of the vehicle, or a point, keeps off blocked cells.
 
-Kernels work in metres from the map's lower-left corner; `x, y, heading` is the REAR AXLE. A cell is blocked where the distance
-field is 0, and so is everything outside the map.
+Kernels work in metres from the map's lower-left corner; `x, y, heading` is the pose of the REAR AXLE. A cell is blocked where
+the distance field is 0; everything outside the map is blocked.
 """
 
 import math
@@ -14,17 +14,17 @@ from wzsumo.frames import FloatArray
 from wzsumo.planning.distance_field import FieldArray
 from wzsumo.vehicle import VehicleGeometry
 
-N_DISCS = 4  # cover 4.64 x 1.86 m with 0.17 m to spare; a fifth saves 0.05 m and costs a quarter more look-ups
+N_DISCS = 4  # they cover 4.64 x 1.86 m with 0.17 m to spare; a fifth saves 0.05 m and costs a quarter more look-ups
 
 
 class Body(NamedTuple):
     """A rectangle about the rear axle and the discs that cover it. Lengths in metres."""
 
-    rear: float  # of the rear end, ahead of the axle, so below 0
-    front: float  # of the front end
+    rear: float  # from the axle to the rear end, so 0 or below
+    front: float  # from the axle to the front end
     half_width: float
     disc_radius: float
-    disc_offsets: FloatArray  # (n,) of the discs' centres, ahead of the axle
+    disc_offsets: FloatArray  # (n,) from the axle to the discs' centres
 
 
 POINT_BODY = Body(rear=0.0, front=0.0, half_width=0.0, disc_radius=0.0, disc_offsets=np.zeros(1))
@@ -43,14 +43,15 @@ def outline_body(vehicle: VehicleGeometry) -> Body:
 
 
 def inscribed_radius(body: Body) -> float:
-    """Radius [m] of the largest disc about the rear axle inside the body: no axle position is nearer to a blocked cell."""
+    """Radius [m] of the largest disc about the rear axle inside the body: a free axle keeps at least that off blocked cells."""
     return min(-body.rear, body.front, body.half_width)
 
 
 def sweep_margin(body: Body, *, step_m: float) -> float:
-    """Distance [m], times curvature [1/m], that the front corner swings beyond the outlines at both ends of a step on an arc.
+    """How far the front corner swings out between two outlines on an arc, one step apart: metres for each 1/m of curvature.
 
-    Seen from the second outline, turned by curvature * step, the corner of the first stands out by front * curvature * step.
+    The second outline is turned by curvature * step, so that the corner of the first stands out from it by
+    front * curvature * step.
     """
     return body.front * step_m
 
@@ -62,7 +63,7 @@ def pose_is_free(
     """Whether the body, wider by `margin` on each side, touches no blocked cell: discs, then the exact outline."""
     rows, cols = distance.shape
     cos, sin = math.cos(heading), math.sin(heading)
-    # A disc's centre lies up to half a cell diagonal nearer to an obstacle than its cell's centre.
+    # A disc's centre lies up to half a cell diagonal, sqrt(1/2) of a cell, nearer to an obstacle than its cell's centre.
     needed = body.disc_radius + margin + resolution * 0.7072
     for offset in body.disc_offsets:
         col, row = math.floor((x + cos * offset) / resolution), math.floor((y + sin * offset) / resolution)
@@ -138,6 +139,6 @@ def columns_crossed(
         x_low = x_0 + slope * (bottom - y_0) if y_0 < bottom else x_0
         x_high = x_0 + slope * (top - y_0) if y_1 > top else x_1
         low, high = min(low, x_low, x_high), max(high, x_low, x_high)
-    if low > high:  # the row is crossed but for rounding
+    if low > high:  # rounding: the rectangle only just reaches the row
         return 1, 0
     return math.floor(low / resolution), math.floor(high / resolution)

@@ -1,4 +1,4 @@
-"""Hybrid A*: best-first search over arcs of the rear axle, with continuous poses and states told apart by bins.
+"""Hybrid A*: best-first search over arcs of the rear axle. Poses are continuous; poses in one bin count as one state.
 
 Kernels work in metres from the map's lower-left corner.
 Sources: Dolgov, Thrun, Montemerlo and Diebel, Path Planning for Autonomous Vehicles in Unknown Semi-structured Environments,
@@ -20,12 +20,13 @@ from wzsumo.planning.lattice import Lattice
 from wzsumo.planning.terrain import Terrain
 
 FOUND, EXHAUSTED, LIMIT_REACHED = range(3)
-# Expansions after a way to the goal is found, in which a cheaper one may turn up: few where the connection costs about what
-# the cost to go promised, many where it cuts through what the search would go round.
-_IMPROVE_FAIR, _IMPROVE_DEAR = 20, 500
-_FAIR = 1.2  # times the cost to go, and
-_FAIR_M = 2.0  # more, is a fair cost of a connection
-_PATIENCE = 16  # after every so many vain connections one more state is passed over between two of them
+# After the first connection with the goal the search goes on for some expansions, in which a cheaper path may turn up: few if
+# the connection costs about as much as the cost to go, many if it is dearer because it cuts through what the search would go
+# round. All five numbers are set on the maps of analysis/benchmarks/planning.py.
+_EXTRA_EXPANSIONS_FAIR, _EXTRA_EXPANSIONS_DEAR = 20, 500
+_FAIR_COST_RATIO = 1.2  # a connection is fair up to this times the cost to go
+_FAIR_COST_EXCESS_M = 2.0  # and this more
+_VAIN_CONNECTIONS_PER_SKIP = 16  # after every so many vain connections one more state is passed over before the next
 _OPEN, _CLOSED = 0, 1
 _NO_KEY = -1
 
@@ -43,7 +44,7 @@ def search(  # noqa: C901 - the loop of A*, with its arrays at hand
 ) -> tuple[int, int, FloatArray]:
     """(FOUND, EXHAUSTED or LIMIT_REACHED; expansions; segments (n, 2) from the start: length [m] and curvature [1/m]).
 
-    `start` and `goal` are poses (3,); `weight` >= 1 is what the heuristic counts for.
+    `start` and `goal` are poses (3,); `weight` >= 1 is the weight of the heuristic.
     """
     arcs = _arcs(lattice)
     capacity = 4096
@@ -72,12 +73,12 @@ def search(  # noqa: C901 - the loop of A*, with its arrays at hand
             extra, end = connect(terrain, body, lattice, x, y, heading, last_curvature, goal, best_total - cost)
             if extra < math.inf:
                 promised = float(cost_to_go[int(y / terrain.resolution) + 1, int(x / terrain.resolution) + 1])
-                fair = extra <= _FAIR * promised + _FAIR_M
-                stop_at = min(stop_at, n_expansions + (_IMPROVE_FAIR if fair else _IMPROVE_DEAR))
+                fair = extra <= _FAIR_COST_RATIO * promised + _FAIR_COST_EXCESS_M
+                stop_at = min(stop_at, n_expansions + (_EXTRA_EXPANSIONS_FAIR if fair else _EXTRA_EXPANSIONS_DEAR))
                 best_total, best_last, best_end = cost + extra, node, end
             else:
                 n_vain += 1
-                next_connection = n_expansions + n_vain // _PATIENCE
+                next_connection = n_expansions + n_vain // _VAIN_CONNECTIONS_PER_SKIP
         cos, sin = math.cos(heading), math.sin(heading)
         for arc in range(len(lattice.curvatures)):
             travelled = _cost_of_arc(terrain, body, lattice, arcs, arc, x, y, heading)
@@ -99,7 +100,7 @@ def search(  # noqa: C901 - the loop of A*, with its arrays at hand
                 known = holders[slot]
                 if states[known] == _CLOSED or costs[known] <= reached:
                     continue
-                states[known] = _CLOSED  # its entry in the queue is passed over
+                states[known] = _CLOSED  # so that its entry in the queue is passed over
             if n_nodes == len(xs):
                 xs, ys, headings, costs = _grown(xs), _grown(ys), _grown(headings), _grown(costs)
                 parents, arc_of, states = _grown(parents), _grown(arc_of), _grown(states)
@@ -119,7 +120,7 @@ def search(  # noqa: C901 - the loop of A*, with its arrays at hand
 
 @njit(cache=True, error_model="numpy")
 def _arcs(lattice: Lattice) -> FloatArray:
-    """Poses (k, n, 3) to be checked along each arc from the origin; the last one is its end."""
+    """Poses (k, n, 3) to be checked along each of k arcs from the origin; the last one is the arc's end."""
     n = max(1, math.ceil(lattice.step_m / lattice.check_m - 1e-9))
     arcs = np.empty((len(lattice.curvatures), n, 3))
     for arc in range(len(lattice.curvatures)):
@@ -154,13 +155,14 @@ def _cost_of_arc(
 
 @njit(cache=True, error_model="numpy")
 def _key(x: float, y: float, heading: float, lattice: Lattice) -> int:
+    """Number of the bin of position and heading that holds a pose."""
     turned = int((heading % (2 * math.pi)) / lattice.heading_bin)  # below 3600: bins are 0.1 degrees or wider
     return (int(x / lattice.xy_bin_m) << 40) | (int(y / lattice.xy_bin_m) << 16) | turned
 
 
 @njit(cache=True, error_model="numpy")
 def _empty_table(size: int) -> tuple[IntArray, IntArray]:
-    """Keys and the nodes that hold them, of an open-addressing table; its size is a power of two."""
+    """An open-addressing table without entries: keys, and the nodes that hold them. Its size is a power of two."""
     keys, holders = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
     for slot in range(size):
         keys[slot] = _NO_KEY
@@ -169,7 +171,7 @@ def _empty_table(size: int) -> tuple[IntArray, IntArray]:
 
 @njit(cache=True, error_model="numpy")
 def _slot(keys: IntArray, key: int) -> int:
-    """Slot of a key: where it is, or the free one where it belongs."""
+    """Slot of a key; where the table does not hold it, the free slot that it would take."""
     mask = len(keys) - 1
     # Fibonacci hashing (Knuth, TAOCP 3, 6.4): the high bits of key times 2^64 / golden ratio are well mixed.
     slot = ((key * 7046029254386353131) >> 24) & mask
@@ -180,6 +182,7 @@ def _slot(keys: IntArray, key: int) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _rehashed(keys: IntArray, holders: IntArray) -> tuple[IntArray, IntArray]:
+    """The same entries in a table of twice the size."""
     wider_keys, wider_holders = _empty_table(2 * len(keys))
     for old in range(len(keys)):
         if keys[old] != _NO_KEY:
@@ -190,6 +193,7 @@ def _rehashed(keys: IntArray, holders: IntArray) -> tuple[IntArray, IntArray]:
 
 @njit(cache=True, error_model="numpy")
 def _grown(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The values in an array of twice the length."""
     wider = np.empty(2 * len(values), dtype=values.dtype)
     for index in range(len(values)):
         wider[index] = values[index]

@@ -1,4 +1,4 @@
-"""What the exact outline meets along a path: contact, clearance, p(occupied). Metres from the map's lower-left corner."""
+"""Contact, clearance and p(occupied) of the exact outline along a path, in metres from the map's lower-left corner."""
 
 import math
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from wzsumo.planning.terrain import Terrain
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure:
-    """What the outline meets along a path."""
+    """Clearance and p(occupied) of the outline along a path."""
 
-    min_clearance_m: float  # from the outline to the nearest blocked cell or the map's edge, at most the limit of measurement
+    min_clearance_m: float  # from the outline to the nearest blocked cell or the map's edge; at most the limit of measurement
     max_p_occupied: float  # largest p(occupied) of a cell that the outline touches; 1 beyond the map
     risk_m: float  # integral along the path of the largest p(occupied) under the outline
 
@@ -101,7 +101,7 @@ def _min_clearance(poses: FloatArray, max_p_occupied: float, terrain: Terrain, b
             bound = min(bound, (terrain.distance[row, col] if inside else 0.0) - body.disc_radius - resolution * 0.7072)
         if bound >= best:
             continue
-        # Cells that the outline would touch if it were wider by the least distance so far on all sides.
+        # Cells that the outline would touch if it were larger by the least distance so far on all sides.
         rear, front, half_width = body.rear - best, body.front + best, body.half_width + best
         first, last = rows_crossed(y, cos, sin, rear, front, half_width, resolution)
         for row in range(first, last + 1):

@@ -1,4 +1,4 @@
-"""Plans: from a map, a start and a goal to a checked ReferencePath, or to the reason why there is none."""
+"""A plan: from a map, a start and a goal to a checked ReferencePath, or to the reason why there is none."""
 
 import math
 import time
@@ -17,23 +17,11 @@ from wzsumo.planning.hybrid_astar import EXHAUSTED, FOUND
 from wzsumo.planning.lattice import poses_along
 from wzsumo.planning.path_check import exposure_along
 from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.planning.planning_field import MEASURED_CLEARANCE_M, PlanningField, Pose, from_corner, prepare, refuse_off_map
+from wzsumo.planning.planning_field import MEASURED_CLEARANCE_M, PlanningField, Pose, from_corner, prepare_field, refuse_off_map
 from wzsumo.planning.smoothing import smoothed_poses
 from wzsumo.vehicle import VehicleGeometry
 
-__all__ = [
-    "Plan",
-    "PlanStatus",
-    "PlannerSpec",
-    "PlanningField",
-    "compile_kernels",
-    "load_kernels",
-    "plan_from",
-    "plan_path",
-    "prepare",
-]
-
-PATH_STEP_M = 0.48  # smoothing may stretch it a little; a path is sampled at 0.5 m or less
+PATH_STEP_M = 0.48  # between the poses of a path, which may lie 0.5 m apart at most; smoothing stretches it a little
 
 
 class PlanStatus(StrEnum):
@@ -48,7 +36,7 @@ class PlanStatus(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What planning came to. Clearance and p(occupied) are of the vehicle's exact outline; nan where there is no path."""
+    """The outcome of planning. Clearance and p(occupied) are of the vehicle's exact outline; nan where there is no path."""
 
     status: PlanStatus
     reason: str  # one sentence, empty where a path was found
@@ -56,7 +44,7 @@ class Plan:
     min_clearance_m: float  # to the nearest blocked cell or the map's edge; at most MEASURED_CLEARANCE_M, 0 on contact
     max_p_occupied: float  # largest p of a cell under the outline; 1 where it leaves the map
     risk_m: float  # integral along the path of the largest p under the outline
-    speed_mps: float  # at which the sharpest curvature allowed keeps the lateral acceleration: the planned one, or less
+    speed_mps: float  # up to which the path's curvature keeps the lateral acceleration: the planned speed, or less
     n_expansions: int
     timings_ms: dict[str, float]  # distance_field, heuristic, search, smoothing, check, total
 
@@ -72,18 +60,18 @@ def plan_path(
 ) -> Plan:
     """The plan from `start` to `goal`, poses (x [m], y [m], heading [rad]) of the REAR AXLE in the world.
 
-    `guide` (n, 2, 2) are lines [m] along which vehicles drive, where they are known; leaving them costs.
+    `guide` (n, 2, 2) are the ends of lines [m] along which vehicles drive, where they are known; leaving them costs.
     Raises MapError where a pose lies off the map or the map is too large.
     """
     refuse_off_map(grid, start, name="start")
-    field = prepare(grid, goal=goal, vehicle=vehicle, spec=spec, guide=guide)
+    field = prepare_field(grid, goal=goal, vehicle=vehicle, spec=spec, guide=guide)
     plan = plan_from(field, start=start)
     total = plan.timings_ms["total"] + sum(field.timings_ms.values())
     return replace(plan, timings_ms=plan.timings_ms | field.timings_ms | {"total": total})
 
 
 def plan_from(field: PlanningField, *, start: Pose) -> Plan:
-    """The plan from `start` to the field's goal; its timings leave out what the field took.
+    """The plan from `start` to the field's goal; its timings leave out those of the field.
 
     Raises MapError where `start` lies off the map.
     """
@@ -98,13 +86,13 @@ def plan_from(field: PlanningField, *, start: Pose) -> Plan:
     searched = time.perf_counter()
     timings = {"search": 1e3 * (searched - began)}
     if found.outcome != FOUND:
-        way = f"from the start {_named(start)} to the goal {_named(field.goal)}"
+        between = f"from the start {_named(start)} to the goal {_named(field.goal)}"
         tried = f"with curvature up to {sharpest:.4f} 1/m ({found.speed_mps:.3g} m/s), {found.n_expansions} states tried"
         if found.outcome == EXHAUSTED:
-            status, reason = PlanStatus.NO_PATH, f"no way {way} can be driven {tried}"
+            status, reason = PlanStatus.NO_PATH, f"no way {between} can be driven {tried}"
         else:
             limit = f"max_expansions={field.spec.max_expansions}"
-            status, reason = PlanStatus.LIMIT_REACHED, f"no way {way} was found {tried}, the limit is {limit}"
+            status, reason = PlanStatus.LIMIT_REACHED, f"no way {between} was found {tried}, the limit is {limit}"
         return _without_path(status, reason, n_expansions=found.n_expansions, timings=timings)
     poses = _path_poses(field, at_start, found.segments, sharpest)
     smoothed = time.perf_counter()
@@ -137,15 +125,15 @@ def compile_kernels() -> None:
 
 
 def load_kernels() -> PlanningField:
-    """A field of a few cells, planned on: what all plans need is compiled or loaded, what narrow places need is not."""
+    """The field of a plan on a small map, made to compile or load the kernels that every plan needs."""
     grid = OccupancyGrid(p_occupied=np.zeros((40, 120), dtype=np.float32), resolution=0.5, origin=(0.0, 0.0))
-    field = prepare(grid, goal=(50.0, 10.0, 0.0), vehicle=VehicleGeometry.model_validate({}), spec=PlannerSpec())
+    field = prepare_field(grid, goal=(50.0, 10.0, 0.0), vehicle=VehicleGeometry.model_validate({}), spec=PlannerSpec())
     plan_from(field, start=(5.0, 10.0, 0.0))
     return field
 
 
 def _obstacle(field: PlanningField, start: Pose) -> tuple[PlanStatus, str] | None:
-    """What stands against any path before a search: an end on a blocked cell, or no corridor between the two."""
+    """Why no path can exist, as far as it shows before a search: a blocked start or goal, or no corridor between them."""
     terrain, spec = field.terrain, field.spec
     for name, pose, status in (
         ("start", start, PlanStatus.START_OCCUPIED),
@@ -158,12 +146,13 @@ def _obstacle(field: PlanningField, start: Pose) -> tuple[PlanStatus, str] | Non
             return status, f"at the {name} {_named(pose)} {body}{inflated} {blocked}"
     (row,), (col,) = field.grid.cell_of(start[:2])
     if math.isinf(field.cost_to_go[row + 1, col + 1]):
-        way = f"from the start {_named(start)} to the goal {_named(field.goal)}"
-        return PlanStatus.NO_PATH, f"no free corridor, as wide as the body, leads {way}"
+        between = f"from the start {_named(start)} to the goal {_named(field.goal)}"
+        return PlanStatus.NO_PATH, f"no free corridor, as wide as the body, leads {between}"
     return None
 
 
 def _path_poses(field: PlanningField, start: FloatArray, segments: FloatArray, max_curvature: float) -> FloatArray:
+    """Poses (n, 3) of the path from the map's corner, smoothed where the spec asks for it."""
     step = PATH_STEP_M if field.spec.body == "outline" else min(PATH_STEP_M, field.terrain.resolution)
     poses = poses_along(start, segments, max_step_m=step)
     if not field.spec.smooth:

@@ -16,18 +16,18 @@ class PlannerSpec(Spec):
     The paper's way (Chen et al. 2022) is body="point" with inflation_radius_m=0.7, less than half a car's width.
     """
 
-    planned_speed_mps: float = Field(default=10.0, ge=0, le=60)  # 22 mph in Chen et al. 2022; it limits the curvature ...
-    slowest_share: float = Field(default=0.1, gt=0, le=1)  # ... and where no way is found so does less, down to this share
-    max_lateral_acceleration_mps2: float = Field(default=2.0, gt=0)  # comfort limit
+    planned_speed_mps: float = Field(default=10.0, ge=0, le=60)  # 22 mph in Chen et al. 2022; it limits the curvature
+    slowest_share: float = Field(default=0.1, gt=0, le=1)  # of the planned speed, down to which a path is looked for if need be
+    max_lateral_acceleration_mps2: float = Field(default=2.0, gt=0)  # comfort limit, chosen by us
     body: Literal["outline", "point"] = "outline"
     inflation_radius_m: float = Field(default=0.0, ge=0)
     max_p_occupied: float = Field(default=FREE_THRESHOLD, gt=0, le=1)  # cells from here on are blocked: unknown is not free
-    preferred_clearance_m: float = Field(default=1.0, gt=0)  # from the outline; less than it costs
+    preferred_clearance_m: float = Field(default=1.0, gt=0)  # of the outline; a path with less of it costs more
     clearance_cost: float = Field(default=8.0, ge=0)  # a metre without clearance costs 1 + this
     occupancy_cost: float = Field(default=10.0, ge=0)  # a metre over cells of p costs 1 + this * p
-    guide_cost: float = Field(default=12.0, ge=0)  # a metre far off the guide costs 1 + this; of 0, 2, 6 and 12 it weaves least
+    guide_cost: float = Field(default=12.0, ge=0)  # a metre far off the guide costs 1 + this; of 0, 2, 6, 12 paths weave least
     guide_slack_m: float = Field(default=0.3, ge=0)  # so near the guide costs nothing: drivers scatter by 0.2-0.4 m in a lane
-    guide_reach_m: float = Field(default=1.83, gt=0)  # half a 12 ft lane (AASHTO Green Book): farther off costs no more
+    guide_reach_m: float = Field(default=1.83, gt=0)  # half a 12 ft lane (AASHTO Green Book); being farther off costs no more
     heuristic_weight: float = Field(default=1.2, ge=1)  # 1: cheapest path; more: found sooner
     max_expansions: int = Field(default=100_000, ge=1)  # takes about half a second
     smooth: bool = True
@@ -41,6 +41,6 @@ class PlannerSpec(Spec):
         return float(np.minimum(steering, self.max_lateral_acceleration_mps2 / speed_mps**2))
 
     @property
-    def dearest_metre(self) -> float:
-        """Largest cost of a metre of path: without clearance, over cells at the threshold, off the guide."""
+    def max_metre_cost(self) -> float:
+        """Largest cost of a metre of path: without clearance, over cells at the threshold of p, far off the guide."""
         return 1 + self.clearance_cost + self.occupancy_cost * self.max_p_occupied + self.guide_cost

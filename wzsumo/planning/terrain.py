@@ -1,5 +1,7 @@
-"""The map as the kernels see it: how far obstacles are, and what a metre of path costs in each cell.
+"""The map as the kernels use it: how far obstacles are, and what a metre of path costs in each cell.
 
+A metre costs 1 + clearance_cost * lacking^2 + occupancy_cost * p + guide_cost * off. `lacking` is the missing share of the
+preferred clearance, `p` the p(occupied) of the cell and `off` how far the cell is off the guide, from 0 to 1.
 Kernels work in metres from the map's lower-left corner.
 """
 
@@ -19,9 +21,7 @@ from wzsumo.planning.planner_spec import PlannerSpec
 class Terrain(NamedTuple):
     """Fields of one map for one body."""
 
-    distance: (
-        FieldArray  # (rows, cols) m from a cell's centre to the nearest blocked square, less the inflation radius; 0: blocked
-    )
+    distance: FieldArray  # (rows, cols) m from a cell's centre to the nearest blocked square less the inflation; 0: blocked
     multiplier: FieldArray  # (rows + 2, cols + 2) cost of a metre, >= 1; infinite where no axle can be and around the map
     p_occupied: FieldArray  # (rows, cols)
     resolution: float  # m
@@ -30,8 +30,8 @@ class Terrain(NamedTuple):
 def terrain_of(
     grid: OccupancyGrid, *, body: Body, spec: PlannerSpec, reach_m: float, guide: FloatArray | None = None
 ) -> Terrain:
-    """The terrain of a map and of a guide (n, 2, 2), see `guide`; distances are clipped at `reach_m` [m]."""
-    # One kind of array for the kernels, own and writable: they are compiled for no other.
+    """The terrain of a map and of a guide (n, 2, 2), lines that vehicles drive along; distances are at most `reach_m` [m]."""
+    # Kernels are compiled for one kind of array alone, a contiguous and writable one.
     p_occupied = np.require(grid.p_occupied, dtype=np.float32, requirements=["C", "W"])
     resolution = float(grid.resolution)
     distance = distance_field(
@@ -56,7 +56,7 @@ def terrain_of(
     if guide is not None and len(guide):
         _add_guide(
             multiplier,
-            off_guide(guide, grid=grid, slack_m=spec.guide_slack_m, reach_m=spec.guide_reach_m),
+            offsets_from_guide(guide, grid=grid, slack_m=spec.guide_slack_m, reach_m=spec.guide_reach_m),
             np.float32(spec.guide_cost),
         )
     return Terrain(distance=distance, multiplier=multiplier, p_occupied=p_occupied, resolution=resolution)
@@ -92,21 +92,21 @@ def _fill_multiplier(
 
 @njit(cache=True, error_model="numpy")
 def _add_guide(multiplier: FieldArray, off: FieldArray, guide_cost: np.float32) -> None:
-    """Make each metre dearer by what it is off the guide; `off` has no border."""
+    """Make each metre dearer by how far it is off the guide; `off` has no border."""
     rows, cols = off.shape
     for row in range(rows):
         for col in range(cols):
             multiplier[row + 1, col + 1] += guide_cost * off[row, col]
 
 
-def off_guide(lines: FloatArray, *, grid: OccupancyGrid, slack_m: float, reach_m: float) -> FieldArray:
-    """How far each cell (rows, cols) is off the nearest of `lines` (n, 2, 2), ends x, y [m, world].
+def offsets_from_guide(lines: FloatArray, *, grid: OccupancyGrid, slack_m: float, reach_m: float) -> FieldArray:
+    """How far each cell (rows, cols) is off the nearest of `lines` (n, 2, 2), given by their ends x, y [m, world].
 
-    0 up to `slack_m` from a line, 1 from `reach_m` on, in between the square of the share: with a reach of half a lane it is
-    largest on the line between two lanes.
+    It is 0 up to `slack_m` from a line, 1 from `reach_m` on, and in between the square of the share of the distance. With a
+    reach of half a lane it is greatest on the line between two lanes.
     """
     rows, cols = grid.shape
-    # The distance field takes what lies outside its cells for marked: a rim as wide as the reach keeps that away.
+    # The distance field takes everything outside its cells for marked: a rim as wide as the reach keeps that away.
     rim = math.ceil(reach_m / grid.resolution) + 1
     marked = np.zeros((rows + 2 * rim, cols + 2 * rim), dtype=np.float32)
     row, col = grid.cell_of(_points_along(lines, step_m=grid.resolution))
@@ -118,7 +118,7 @@ def off_guide(lines: FloatArray, *, grid: OccupancyGrid, slack_m: float, reach_m
 
 
 def _points_along(lines: FloatArray, *, step_m: float) -> FloatArray:
-    """Points (m, 2) on the lines, at most `step_m` apart, both ends among them."""
+    """Points (m, 2) on the lines, at most `step_m` apart, with both ends of each."""
     lengths = np.hypot(*(lines[:, 1] - lines[:, 0]).T)
     counts = np.ceil(lengths / step_m).astype(int) + 1
     which = np.repeat(np.arange(len(lines)), counts)
