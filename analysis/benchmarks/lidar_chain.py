@@ -24,7 +24,7 @@ from wzsumo.simulation.fleet import simulate_fleet
 PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seed", type=int, default=1)
     scenario = load_scenario(PAPER, seed=parser.parse_args().seed)
@@ -49,7 +49,7 @@ def main():
     print(f"devices found {len(baseline.maps.devices)} of {len(site.layout.devices)}; scans by state {baseline.states}")
 
 
-def peak_gib():
+def peak_gib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 

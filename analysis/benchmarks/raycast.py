@@ -7,21 +7,26 @@ import importlib.util
 import statistics
 import sys
 import time
+from collections.abc import Callable
+from typing import TypeVar
 
 import numba
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
+from wzsumo.frames import FloatArray, IntArray
 from wzsumo.road import RoadSpec
 from wzsumo.sensing.ground import GroundSpec
 from wzsumo.sensing.lidar import Drive, LidarSpec, cast_scan
-from wzsumo.sensing.raycast import cast_rays, compile_kernels
-from wzsumo.sensing.scene import SceneSpec, road_scene, with_vehicles
+from wzsumo.sensing.raycast import Hits, cast_rays, compile_kernels
+from wzsumo.sensing.scene import Scene, SceneSpec, road_scene, with_vehicles
 
 SIDES = 24
+Result = TypeVar("Result")
 
 
-def busy_zone(ground):
+def busy_zone(ground: GroundSpec) -> Scene:
     """400 cones, 20 vehicles, a guardrail of boxes on both sides, poles: all within 120 m or so of the sensor."""
     rng = np.random.default_rng(1)
     road = RoadSpec(lane_count=3, left_shoulder_ft=12, right_shoulder_ft=10, length_ft=1000).build()
@@ -33,14 +38,17 @@ def busy_zone(ground):
     return with_vehicles(scene, pd.DataFrame(columns))
 
 
-def mesh_of(scene):
+def mesh_of(scene: Scene) -> tuple[npt.NDArray[np.float32], IntArray, IntArray]:
     """Vertices, triangles and the object id of each triangle; cones as SIDES-gons whose corners lie on the circle."""
-    corners, faces, owner = [], [], []
+    corners: list[FloatArray] = []
+    faces: list[IntArray] = []
+    owner: list[int] = []
 
-    def add(points, triangles, number):
-        faces.extend(np.asarray(triangles) + sum(map(len, corners)))
+    def add(points: FloatArray, triangles: npt.ArrayLike, number: int) -> None:
+        rows = np.asarray(triangles)
+        faces.extend(rows + sum(map(len, corners)))
         corners.append(points)
-        owner.extend([number] * len(triangles))
+        owner.extend([number] * len(rows))
 
     turn = 2 * np.pi * np.arange(SIDES) / SIDES
     circle = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(SIDES)])
@@ -67,7 +75,7 @@ def mesh_of(scene):
     return np.vstack(corners).astype(np.float32), np.array(faces), np.array(owner)
 
 
-def timed(function, *, runs):
+def timed(function: Callable[[], Result], *, runs: int) -> tuple[float, float, Result]:
     times = []
     for _ in range(runs):
         start = time.perf_counter()
@@ -76,7 +84,7 @@ def timed(function, *, runs):
     return statistics.median(times), min(times), result
 
 
-def main():
+def main() -> None:
     compile_kernels()
     runs = 5 if "--quick" in sys.argv else 25
     spec = LidarSpec()
@@ -84,15 +92,18 @@ def main():
     moving = Drive(time_s=np.array([0.0, 10.0]), poses=np.array([[0.0, 5.5, 0], [300.0, 5.5, 0]]))
     smooth = busy_zone(GroundSpec(road_roughness_m=0, verge_roughness_m=0))
     rough = busy_zone(GroundSpec())
-    angles = {"azimuth": spec.azimuth, "elevation": spec.elevation, "max_range": spec.max_range_m}
+
+    def cast(scene: Scene, poses: FloatArray) -> Hits:
+        return cast_rays(scene, poses=poses, azimuth=spec.azimuth, elevation=spec.elevation, max_range=spec.max_range_m)
+
     rays, threads = spec.layers * spec.azimuth_count, numba.get_num_threads()
     print(f"{rays} rays, {len(smooth.frusta)} frusta, {len(smooth.boxes)} boxes, {threads} thread(s)")
     print(f"{'case':<38}{'median ms':>10}{'best ms':>9}")
     poses = drive.car_poses(np.zeros(spec.azimuth_count), smooth.ground) @ spec.mounting
-    ours_ms, best, hits = timed(lambda: cast_rays(smooth, poses=poses, **angles), runs=runs)
+    ours_ms, best, hits = timed(lambda: cast(smooth, poses), runs=runs)
     print(f"{'smooth plane, standing still':<38}{ours_ms:>10.1f}{best:>9.1f}")
     along = moving.car_poses(5.0 + np.arange(spec.azimuth_count) / 18000, rough.ground) @ spec.mounting
-    rough_ms, best, _ = timed(lambda: cast_rays(rough, poses=along, **angles), runs=runs)
+    rough_ms, best, _ = timed(lambda: cast(rough, along), runs=runs)
     print(f"{'rough ground, moving at 30 m/s':<38}{rough_ms:>10.1f}{best:>9.1f}")
     scan_ms, best, scan = timed(lambda: cast_scan(rough, moving, spec, start_s=5.0, seed=1), runs=runs)
     print(f"{'the same with noise, drop-out, points':<38}{scan_ms:>10.1f}{best:>9.1f}   {len(scan.points)} returns")
@@ -108,8 +119,8 @@ def main():
     TriangleMesh(world, vertices, faces.astype(np.int32))
     origin = np.tile(poses[0, :3, 3], (hits.distance.size, 1)).astype(np.float32)
     across = np.cos(spec.elevation)
-    local = [across * np.cos(spec.azimuth)[:, None], across * np.sin(spec.azimuth)[:, None]]
-    local = np.stack([*local, np.broadcast_to(np.sin(spec.elevation), local[0].shape)], axis=-1).reshape(-1, 3)
+    forward, left = across * np.cos(spec.azimuth)[:, None], across * np.sin(spec.azimuth)[:, None]
+    local = np.stack([forward, left, np.broadcast_to(np.sin(spec.elevation), forward.shape)], axis=-1).reshape(-1, 3)
     direction = np.ascontiguousarray(local @ poses[0, :3, :3].T, dtype=np.float32)
     reach = np.full(len(origin), spec.max_range_m, dtype=np.float32)
     build_ms = 1000 * (time.perf_counter() - start)

@@ -9,23 +9,25 @@ poles. Nobody gets a first guess. small-gicp sees the full clouds, and clouds wi
 import argparse
 import importlib.util
 import time
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pandas as pd
 
-from wzsumo.lidar_mapping.registration import RegistrationStatus, compile_kernels, register
+from wzsumo.frames import FloatArray
+from wzsumo.lidar_mapping.registration import RegistrationResult, RegistrationStatus, compile_kernels, register
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.rigid import inverse, vector_from_rotation
 from wzsumo.road import RoadSpec
 from wzsumo.sensing import raycast
 from wzsumo.sensing.lidar import Drive, LidarSpec, cast_scan
-from wzsumo.sensing.scene import SceneSpec, road_scene, with_vehicles
+from wzsumo.sensing.scene import Scene, SceneSpec, road_scene, with_vehicles
 
 ROAD = RoadSpec(lane_count=3, left_shoulder_ft=12, right_shoulder_ft=10, length_ft=1500).build()
 BOX_COLUMNS = ("x_m", "y_m", "heading_rad", "length_m", "width_m", "height_m")
 
 
-def scenes(seed):
+def scenes(seed: int) -> Iterator[tuple[str, Scene]]:
     """(name, scene) of each; boxes stand for houses and cars."""
     rng = np.random.default_rng(seed)
     x = np.arange(60.0, 420.0, 18.288)
@@ -39,11 +41,11 @@ def scenes(seed):
     yield "guardrail", road_scene(ROAD, cones.iloc[:0], SceneSpec(guardrail="right"), seed=seed)
 
 
-def _table(boxes):
+def _table(boxes: Sequence[tuple[float, ...]]) -> pd.DataFrame:
     return pd.DataFrame(boxes, columns=list(BOX_COLUMNS))
 
 
-def pair(scene, rng, *, seed):
+def pair(scene: Scene, rng: np.random.Generator, *, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(source, target, true transform from source to target) of two still scans."""
     away, turn = rng.uniform(0.5, 2.0), np.deg2rad(rng.uniform(1, 5)) * rng.choice([-1, 1])
     aim = rng.uniform(-0.5, 0.5)
@@ -58,31 +60,31 @@ def pair(scene, rng, *, seed):
     return clouds[1], clouds[0], inverse(poses[0]) @ poses[1]
 
 
-def errors(found, truth):
+def errors(found: FloatArray, truth: FloatArray) -> tuple[float, float]:
     """(translation [m], rotation [deg]) between two transforms."""
     off = inverse(truth) @ found
-    return np.linalg.norm(off[:3, 3]), np.rad2deg(np.linalg.norm(vector_from_rotation(off[:3, :3])))
+    return float(np.linalg.norm(off[:3, 3])), float(np.rad2deg(np.linalg.norm(vector_from_rotation(off[:3, :3]))))
 
 
-def run_small_gicp(source, target):
+def run_small_gicp(source: FloatArray, target: FloatArray) -> FloatArray:
     import small_gicp
 
     result = small_gicp.align(target, source, downsampling_resolution=0.25, max_correspondence_distance=2.0)
-    return result.T_target_source
+    return np.asarray(result.T_target_source)
 
 
-def standing(cloud):
+def standing(cloud: FloatArray) -> FloatArray:
     return cloud[~ground_mask(cloud, SmrfSpec(elevation_threshold_m=0.2))]
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--pairs", type=int, default=12, help="of each scene")
     parser.add_argument("--seed", type=int, default=61)
     given = parser.parse_args()
     compile_kernels()
     raycast.compile_kernels()
-    ways = {"wzsumo register": register}
+    ways: dict[str, Callable[[FloatArray, FloatArray], RegistrationResult | FloatArray]] = {"wzsumo register": register}
     if importlib.util.find_spec("small_gicp"):
         ways["small-gicp, full"] = run_small_gicp
         ways["small-gicp, no ground"] = lambda source, target: run_small_gicp(standing(source), standing(target))
@@ -98,8 +100,12 @@ def main():
                 start = time.process_time()
                 found = run(source, target)
                 spent = 1000 * (time.process_time() - start)
-                states.append(getattr(found, "status", RegistrationStatus.CONVERGED))
-                rows.append([*errors(getattr(found, "transform", found), truth), spent])
+                if isinstance(found, RegistrationResult):
+                    status, transform = found.status, found.transform
+                else:
+                    status, transform = RegistrationStatus.CONVERGED, found
+                states.append(status)
+                rows.append([*errors(transform, truth), spent])
             metres, degrees, ms = np.array(rows).T
             told = {str(state): states.count(state) for state in set(states)}
             print(

@@ -12,69 +12,90 @@ import importlib
 import importlib.util
 import statistics
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import ModuleType
+from typing import TypeVar
 
 import numpy as np
 
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.lidar_mapping.smrf import SmrfSpec, compile_kernels, ground_mask
 
 SIDE = 250.0  # of a scene [m]; the ISPRS samples are 100 to 300 m wide
 PULSE_NOISE = 0.05  # of a return's height [m]
+Result = TypeVar("Result")
 
 
-def flat(x, y):
+def flat(x: FloatArray, y: FloatArray) -> FloatArray:
     return 0.01 * x + 0.3 * np.sin(x / 50) * np.cos(y / 35)
 
 
-def hills(x, y):
+def hills(x: FloatArray, y: FloatArray) -> FloatArray:
     return 8 * np.sin(x / 40) + 5 * np.cos(y / 60) + 0.04 * x
 
 
-def steep(x, y):
+def steep(x: FloatArray, y: FloatArray) -> FloatArray:
     return 0.55 * x + 2 * np.sin(y / 18)
 
 
-def terraces(x, y):
+def terraces(x: FloatArray, y: FloatArray) -> FloatArray:
     return 3.0 * np.floor((x + 6 * np.sin(y / 30)) / 40) + 0.02 * x
 
 
-def bank(x, y):
+def bank(x: FloatArray, y: FloatArray) -> FloatArray:
     return 12 / (1 + np.exp(-(x - 125 - 15 * np.sin(y / 40)) / 5)) + 0.02 * y
 
 
-def quarry(x, y):
+def quarry(x: FloatArray, y: FloatArray) -> FloatArray:
     return -10.0 * (np.hypot(x - 125, y - 125) < 80) - 10.0 * (np.hypot(x - 125, y - 125) < 40) + 0.1 * x
 
 
-def valley(x, y):
+def valley(x: FloatArray, y: FloatArray) -> FloatArray:
     return 0.02 * x - 9 * np.exp(-(((y - 125) / 16) ** 2))
 
 
-def embankment(x, y):
+def embankment(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.clip((24 - np.abs(y - 125)) / 1.8, 0, 8) + flat(x, y)
 
 
+@dataclass(frozen=True)
+class Objects:
+    """What stands on a terrain or hangs over it; trees and bushes as shares of the points."""
+
+    houses: int = 0
+    widest: float = 0.0  # [m], of the houses
+    trees: float = 0.0
+    bushes: float = 0.0
+    bridge: bool = False
+    low: int = 0  # single outliers below the ground
+    clumps: int = 0  # clumps of four outliers below the ground
+    high: int = 0  # single outliers above the ground
+    gaps: int = 0
+
+
 # Terrain, mean spacing of points [m], what stands on it; see `scene`.
-SCENES = {
-    "flat town, small houses": (flat, 1.0, {"houses": 60, "widest": 12, "trees": 0.05}),
-    "flat town, blocks of 40 m": (flat, 1.0, {"houses": 12, "widest": 40, "trees": 0.05}),
-    "dense survey of a town": (flat, 0.7, {"houses": 30, "widest": 20, "bushes": 0.04}),
-    "town on hills": (hills, 1.2, {"houses": 30, "widest": 16, "trees": 0.1}),
-    "houses and wood on a steep slope": (steep, 1.2, {"houses": 15, "widest": 12, "trees": 0.25}),
-    "terraces with houses": (terraces, 1.0, {"houses": 20, "widest": 12, "trees": 0.05}),
-    "river bank, bushes": (bank, 1.5, {"trees": 0.1, "bushes": 0.1}),
-    "quarry": (quarry, 2.5, {"trees": 0.02}),
-    "bridge over a valley": (valley, 1.2, {"bridge": True, "houses": 10, "widest": 15, "trees": 0.05}),
-    "road on an embankment": (embankment, 2.5, {"trees": 0.05, "bushes": 0.05}),
-    "low and high outliers": (flat, 1.0, {"houses": 20, "widest": 20, "low": 30, "clumps": 10, "high": 30}),
-    "gaps in the data": (hills, 2.0, {"houses": 10, "widest": 20, "trees": 0.1, "gaps": 12}),
-    "open country, 3.5 m": (hills, 3.5, {"trees": 0.1, "houses": 5, "widest": 15}),
-    "open country, 5 m": (hills, 5.0, {"trees": 0.1}),
+SCENES: dict[str, tuple[Callable[[FloatArray, FloatArray], FloatArray], float, Objects]] = {
+    "flat town, small houses": (flat, 1.0, Objects(houses=60, widest=12, trees=0.05)),
+    "flat town, blocks of 40 m": (flat, 1.0, Objects(houses=12, widest=40, trees=0.05)),
+    "dense survey of a town": (flat, 0.7, Objects(houses=30, widest=20, bushes=0.04)),
+    "town on hills": (hills, 1.2, Objects(houses=30, widest=16, trees=0.1)),
+    "houses and wood on a steep slope": (steep, 1.2, Objects(houses=15, widest=12, trees=0.25)),
+    "terraces with houses": (terraces, 1.0, Objects(houses=20, widest=12, trees=0.05)),
+    "river bank, bushes": (bank, 1.5, Objects(trees=0.1, bushes=0.1)),
+    "quarry": (quarry, 2.5, Objects(trees=0.02)),
+    "bridge over a valley": (valley, 1.2, Objects(bridge=True, houses=10, widest=15, trees=0.05)),
+    "road on an embankment": (embankment, 2.5, Objects(trees=0.05, bushes=0.05)),
+    "low and high outliers": (flat, 1.0, Objects(houses=20, widest=20, low=30, clumps=10, high=30)),
+    "gaps in the data": (hills, 2.0, Objects(houses=10, widest=20, trees=0.1, gaps=12)),
+    "open country, 3.5 m": (hills, 3.5, Objects(trees=0.1, houses=5, widest=15)),
+    "open country, 5 m": (hills, 5.0, Objects(trees=0.1)),
 }
 
 
-def scene(name, seed):
+def scene(name: str, seed: int) -> tuple[FloatArray, BoolArray]:
     """(points (n, 3), which are ground) of one of SCENES; shares are of all points."""
     terrain, spacing, what = SCENES[name]
     rng = np.random.default_rng([seed, list(SCENES).index(name)])
@@ -82,35 +103,35 @@ def scene(name, seed):
     xy = rng.uniform(0, SIDE, (n, 2))
     ground = terrain(*xy.T)
     z, is_ground = ground + rng.normal(0, PULSE_NOISE, n), np.ones(n, dtype=bool)
-    for _ in range(what.get("houses", 0)):
-        inside = _in_rectangle(xy, rng, widest=what["widest"])
+    for _ in range(what.houses):
+        inside = _in_rectangle(xy, rng, widest=what.widest)
         if inside.any():
             z[inside], is_ground[inside] = ground[inside].max() + rng.uniform(2.5, 15) + rng.normal(0, PULSE_NOISE), False
-    for kind, (lowest, highest) in (("trees", (1.5, 18)), ("bushes", (0.4, 1.5))):
-        grown = is_ground & (rng.random(n) < what.get(kind, 0.0))
+    for share, (lowest, highest) in ((what.trees, (1.5, 18)), (what.bushes, (0.4, 1.5))):
+        grown = is_ground & (rng.random(n) < share)
         z[grown] += rng.uniform(lowest, highest, grown.sum())
         is_ground &= ~grown
-    if what.get("bridge"):
+    if what.bridge:
         deck = terrain(xy[:, 0], np.full(n, 1e3))
         on_deck = (np.abs(xy[:, 0] - 120) < 6) & (deck - ground > 0.5)
         z[on_deck], is_ground[on_deck] = deck[on_deck] + rng.normal(0, PULSE_NOISE, on_deck.sum()), False
-    middles = rng.uniform(0, SIDE, (what.get("gaps", 0), 2))
+    middles = rng.uniform(0, SIDE, (what.gaps, 2))
     kept = np.ones(n, dtype=bool)
     for middle in middles:
         kept &= np.linalg.norm(xy - middle, axis=1) > rng.uniform(8, 20)
     points, is_ground = np.column_stack([xy, z])[kept], is_ground[kept]
-    stray = _outliers(points, rng, low=what.get("low", 0), clumps=what.get("clumps", 0), high=what.get("high", 0))
+    stray = _outliers(points, rng, low=what.low, clumps=what.clumps, high=what.high)
     return np.vstack([points, stray]), np.append(is_ground, np.zeros(len(stray), dtype=bool))
 
 
-def _in_rectangle(xy, rng, *, widest):
+def _in_rectangle(xy: FloatArray, rng: np.random.Generator, *, widest: float) -> BoolArray:
     """Points in a turned rectangle somewhere, a third to all of `widest` [m] wide and up to twice as long."""
     width, turn = rng.uniform(widest / 3, widest), rng.uniform(0, np.pi)
     across = (xy - rng.uniform(0, SIDE, 2)) @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    return (np.abs(across) < (width / 2, width / 2 * rng.uniform(1, 2))).all(axis=1)
+    return np.asarray((np.abs(across) < (width / 2, width / 2 * rng.uniform(1, 2))).all(axis=1))
 
 
-def _outliers(points, rng, *, low, clumps, high):
+def _outliers(points: FloatArray, rng: np.random.Generator, *, low: int, clumps: int, high: int) -> FloatArray:
     """Single points and clumps of four below the ground (echoes of several reflections), single ones above (birds)."""
     one = points[rng.integers(0, len(points), low + high)] + np.array([0.3, 0.2, 0])
     one[:, 2] += np.append(-rng.uniform(2, 25, low), rng.uniform(20, 80, high))
@@ -119,7 +140,7 @@ def _outliers(points, rng, *, low, clumps, high):
     return np.vstack([one, four])
 
 
-def lidar_scan(seed):
+def lidar_scan(seed: int) -> tuple[FloatArray, BoolArray]:
     """Returns of 128 x 1800 rays from 1.9 m over a tilted road with cones."""
     rng = np.random.default_rng(seed)
     elevation, azimuth = np.meshgrid(np.deg2rad(np.linspace(-25, 15, 128)), np.linspace(0, 2 * np.pi, 1800, endpoint=False))
@@ -134,7 +155,7 @@ def lidar_scan(seed):
     return np.vstack([ground, cones]), np.repeat([True, False], [len(ground), len(cones)])
 
 
-def million(seed, *, side=1000.0):
+def million(seed: int, *, side: float = 1000.0) -> tuple[FloatArray, BoolArray]:
     """10^6 points on hills with trees."""
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0, side, (1_000_000, 2))
@@ -144,14 +165,14 @@ def million(seed, *, side=1000.0):
     ), ~trees
 
 
-def scores(mask, truth):
+def scores(mask: BoolArray, truth: BoolArray) -> FloatArray:
     """Type I (ground taken for object), type II (object for ground) and total error, and Cohen's kappa [%]."""
     agree = (mask == truth).mean()
     chance = mask.mean() * truth.mean() + (1 - mask.mean()) * (1 - truth.mean())
     return 100 * np.array([(~mask[truth]).mean(), mask[~truth].mean(), 1 - agree, (agree - chance) / (1 - chance)])
 
 
-def timed(function, *, runs):
+def timed(function: Callable[[], Result], *, runs: int) -> tuple[float, Result]:
     """(median CPU time of this process [ms], what the function returned)."""
     times = []
     for _ in range(runs):
@@ -161,14 +182,14 @@ def timed(function, *, runs):
     return statistics.median(times), result
 
 
-def run_peer(peer, points, spec):
+def run_peer(peer: ModuleType, points: FloatArray, spec: SmrfSpec) -> BoolArray:
     windows = int(np.ceil(spec.window_m / spec.cell_m))
     limits = {"elevation_threshold": spec.elevation_threshold_m, "elevation_scaler": spec.elevation_scalar}
     result = peer.smrf(*points.T, cellsize=spec.cell_m, windows=windows, slope_threshold=spec.slope, **limits)
     return ~np.asarray(result[3], dtype=bool)
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="without pysmrf, which takes minutes")
     parser.add_argument("--seed", type=int, default=61)

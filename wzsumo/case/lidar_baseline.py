@@ -1,4 +1,4 @@
-"""The LiDAR SLAM baseline: one vehicle of the fleet drives through the zone, scans it, and maps what it saw."""
+"""The LiDAR SLAM baseline: one car of the fleet drives through the zone, scans it and maps what it sees."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -17,28 +17,29 @@ from wzsumo.scenario.sections import SlamSpec
 from wzsumo.scenario.site import Site
 from wzsumo.sensing.imu import read_motion
 from wzsumo.sensing.lidar import Drive, cast_ahead, drive_scans
-from wzsumo.sensing.scene import TRUCK_LENGTH_M, scene_of
+from wzsumo.sensing.scene import MIN_TRUCK_LENGTH_M, scene_of
 
-SIZE = ("length_m", "width_m")
-FIRST_ENTRY_S = 120.0  # the road is full by then, as for the ego
+FIRST_ENTRY_S = 120.0  # of the mapping car: the road is full of traffic by then, as it is for the ego
+SLACK_M = 10.0  # by which the car's trace may begin after the ego's start and end before its goal; chosen by us
+OUTLINE = ("length_m", "width_m")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LidarBaseline:
-    """The maps of one mapping drive, and how well the car knew where it was."""
+    """The maps of one mapping drive, and how accurately the car was localised on it."""
 
     maps: SlamMaps
     vehicle_id: str
-    states: dict[str, int]  # scans by what their pose rests on
-    ate_m: float  # root mean square of the position error, first pose aligned
+    states: dict[str, int]  # number of scans by what their pose rests on (`ScanState`)
+    ate_m: float  # absolute trajectory error: rms of the position error, first pose aligned
     dead_reckoning_ate_m: float
-    poses: FloatArray  # (n, 4, 4) of the car, rear axle on the ground
+    poses: FloatArray  # (n, 4, 4) of the car at each scan: rear axle on the ground
 
 
 def map_by_lidar(
     fleet: pd.DataFrame, spec: SlamSpec, *, scenario: Scenario, site: Site, on_share: Callable[[float], None]
 ) -> LidarBaseline:
-    """The baseline's maps over the site's cells. `on_share` is told the share of the drive that is mapped."""
+    """The baseline's maps over the site's cells. `on_share` is called with the share of the drive that is mapped so far."""
     vehicle_id, drive = mapping_drive(fleet, scenario=scenario, site=site)
     scene = scene_of(site.layout, spec.scene, seed=scenario.seed)
     others = others_at(fleet[fleet["vehicle_id"] != vehicle_id], drive) if spec.traffic else None
@@ -61,19 +62,19 @@ def map_by_lidar(
 
 
 def mapping_drive(fleet: pd.DataFrame, *, scenario: Scenario, site: Site) -> tuple[str, Drive]:
-    """The first car that drives from the ego's start to its goal and begins in the ego's lane: (its id, its drive).
+    """(id, drive) of the first car that begins in the ego's lane and drives from the ego's start to its goal.
 
-    Raises SpecError where the simulation had none.
+    Trucks do not count. Raises SpecError where the simulation has no such car.
     """
     road = site.layout.road
     (first, last), _ = road.to_sd([site.start[:2], site.goal[:2]])
     station, offset = road.to_sd(fleet[["x_m", "y_m"]])
     passing = fleet.assign(s=station, d=offset)
-    passing = passing[(station >= first) & (station <= last) & (fleet["length_m"] < TRUCK_LENGTH_M).to_numpy()]
+    passing = passing[(station >= first) & (station <= last) & (fleet["length_m"] < MIN_TRUCK_LENGTH_M).to_numpy()]
     right, left = road.lane_span(scenario.route.start_lane)
     for vehicle_id, trace in sorted(passing.groupby("vehicle_id"), key=lambda item: (item[1]["time_s"].min(), item[0])):
         begin, end = trace.iloc[0], trace.iloc[-1]
-        whole = begin["s"] < first + 10.0 and end["s"] > last - 10.0
+        whole = begin["s"] < first + SLACK_M and end["s"] > last - SLACK_M
         if begin["time_s"] >= FIRST_ENTRY_S and whole and right < begin["d"] < left:
             centre = trace[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
             poses = advance(centre, -scenario.vehicle.axle_to_centre_m)
@@ -85,16 +86,18 @@ def mapping_drive(fleet: pd.DataFrame, *, scenario: Scenario, site: Site) -> tup
 
 
 def others_at(fleet: pd.DataFrame, drive: Drive) -> Callable[[float], pd.DataFrame]:
-    """The vehicles of a moment of the drive, by time [s]: each where its last fix carried on at its speed would have it."""
+    """The vehicles at a time [s] of the drive, each moved on from its last fix at constant velocity: a function of the time."""
     within = fleet[(fleet["time_s"] >= drive.time_s[0] - 1.0) & (fleet["time_s"] <= drive.time_s[-1])]
-    table = within.sort_values("time_s", kind="stable")[["time_s", "x_m", "y_m", "heading_rad", "speed_mps", *SIZE]].to_numpy()
+    table = within.sort_values("time_s", kind="stable")[
+        ["time_s", "x_m", "y_m", "heading_rad", "speed_mps", *OUTLINE]
+    ].to_numpy()
     times = np.ascontiguousarray(table[:, 0])
 
     def vehicles(time_s: float) -> pd.DataFrame:
         last = int(np.searchsorted(times, time_s + 1e-6))
         rows = table[np.searchsorted(times, times[last - 1]) : last] if last else table[:0]
         poses = advance(rows[:, 1:4], (time_s - rows[:, 0]) * rows[:, 4])
-        return pd.DataFrame(np.column_stack([poses, rows[:, 5:]]), columns=["x_m", "y_m", "heading_rad", *SIZE])
+        return pd.DataFrame(np.column_stack([poses, rows[:, 5:]]), columns=["x_m", "y_m", "heading_rad", *OUTLINE])
 
     return vehicles
 
@@ -102,6 +105,7 @@ def others_at(fleet: pd.DataFrame, drive: Drive) -> Callable[[float], pd.DataFra
 def _logged(
     posed: Iterable[PosedScan], log: list[PosedScan], on_share: Callable[[float], None], drive: Drive
 ) -> Iterator[PosedScan]:
+    """The same scans; each is appended to `log` without its points as it passes."""
     for scan in posed:
         log.append(without_clouds(scan))
         on_share((scan.time_s - drive.time_s[0]) / (drive.time_s[-1] - drive.time_s[0]))

@@ -1,1 +1,1 @@
-"""What is read and written: traces, ROS maps, layouts, point clouds; whole or not at all."""
+"""Files that wzsumo reads and writes: traces, ROS maps, layouts, point clouds, results."""

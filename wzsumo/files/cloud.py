@@ -1,4 +1,4 @@
-"""Point clouds in files. Metres; the frame is the caller's."""
+"""Point clouds in files. Coordinates are metres in any frame."""
 
 from pathlib import Path
 

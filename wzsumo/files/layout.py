@@ -18,7 +18,7 @@ def write_layout(layout: WorkZoneLayout, folder: Path) -> None:
 def layout_geojson(layout: WorkZoneLayout) -> dict[str, Any]:
     """FeatureCollection of drivable, closed_area, pavement, reference_line, lanes, devices and signs.
 
-    Coordinates are world metres, not degrees. `areas` lists the named stretches with their stations [m].
+    Coordinates are metres in the world frame, not degrees. `areas` lists the areas of the zone with their stations [m].
     """
     road = layout.road
     section = {

@@ -1,4 +1,4 @@
-"""Results that appear whole or not at all."""
+"""Output files that are written completely or not at all."""
 
 import io
 import os
@@ -14,15 +14,14 @@ from wzsumo.errors import OutputError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-UNFINISHED = ".unfinished-"  # what a file or folder is called until it is whole
+UNFINISHED = ".unfinished-"  # prefix of a file or folder until it is complete
 
 
 @contextmanager
 def staged_folder(out: Path) -> Iterator[Path]:
-    """An empty folder to write to; at the end of the block its files move into `out`, replacing those of the same name.
+    """An empty folder to write to. At the end of the block its files move into `out` and replace files of the same name.
 
-    If the block fails nothing of it stays, and other files in `out` are not touched. Raises OutputError where `out` cannot
-    be written to.
+    If the block raises, its files are deleted and `out` stays as it is. Raises OutputError where `out` cannot be written to.
     """
     existed = out.exists()
     try:
@@ -47,14 +46,14 @@ def staged_folder(out: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that is there in full or, if that fails or is cut short, as it was before. Raises OutputError."""
+    """Write a file atomically: if writing fails or is interrupted, the file stays as it was. Raises OutputError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
     try:
         with unfinished.open("wb") as file:
             file.write(content)
             file.flush()
-            os.fsync(file.fileno())  # the name must not reach the disk before the content
+            os.fsync(file.fileno())  # the content must be on the disk before the file gets its name
         unfinished.replace(path)
     except OSError as error:
         unfinished.unlink(missing_ok=True)
@@ -64,8 +63,8 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def parquet_bytes(table: "pa.Table") -> bytes:
-    """A Parquet file of the table in which every page has a checksum."""
-    import pyarrow.parquet as pq  # a path is planned and written without it in less time than it takes to import
+    """The content of a Parquet file of the table, with a checksum on every page."""
+    import pyarrow.parquet as pq  # importing it takes longer than planning a path, which does not need it
 
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)

@@ -1,4 +1,4 @@
-"""OccupancyGrid as the files of ROS map_server: NAME.yaml and its image."""
+"""OccupancyGrid in the files of ROS map_server: a YAML file and its image."""
 
 import warnings
 from pathlib import Path
@@ -12,13 +12,13 @@ from PIL import Image
 from wzsumo.errors import MapError
 from wzsumo.grid import FREE_THRESHOLD, OCCUPIED_THRESHOLD, UNKNOWN, OccupancyGrid
 
-_USUAL_THRESHOLDS = {"occupied_thresh": OCCUPIED_THRESHOLD, "free_thresh": FREE_THRESHOLD}
+_DEFAULT_THRESHOLDS = {"occupied_thresh": OCCUPIED_THRESHOLD, "free_thresh": FREE_THRESHOLD}
 
 
 def write_map(grid: OccupancyGrid, folder: Path | str, *, name: str = "map") -> Path:
-    """Write NAME.pgm and NAME.yaml for ROS map_server (mode "scale": grey is probability); returns the path of the YAML.
+    """The path of NAME.yaml, after writing it and NAME.pgm for ROS map_server (mode "scale": grey is probability).
 
-    The image's first row is the map's top. Grey = 255 (1 - p): p comes back within 1/510.
+    The image's first row is the map's top. Grey is 255 (1 - p), rounded, so p is kept to within 1/510.
     """
     folder = Path(folder)
     grey = np.round(255 * (1 - grid.p_occupied[::-1])).astype(np.uint8)
@@ -31,7 +31,7 @@ def write_map(grid: OccupancyGrid, folder: Path | str, *, name: str = "map") -> 
         "negate": 0,
         "occupied_thresh": OCCUPIED_THRESHOLD,
         "free_thresh": FREE_THRESHOLD,
-        "width": grid.shape[1],  # not map_server's keys (it ignores them): they tell when the image is another one
+        "width": grid.shape[1],  # our keys, which map_server ignores: `read_map` checks the image's size against them
         "height": grid.shape[0],
     }
     path = folder / f"{name}.yaml"
@@ -50,7 +50,7 @@ def read_map(path: Path | str) -> OccupancyGrid:
     image = _read_image(path, metadata)
     grey, alpha = (image[..., 0], image[..., 1]) if image.ndim == 3 else (image, None)
     mode = metadata.get("mode", "trinary")
-    if mode == "raw":  # occupancy values 0..100; 255 and all else is unknown
+    if mode == "raw":  # occupancy in per cent; all other values are unknown
         p = np.where(grey <= 100, grey / 100.0, UNKNOWN)
     else:
         p = grey / 255.0 if metadata.get("negate", 0) else (255.0 - grey) / 255.0
@@ -91,7 +91,7 @@ def _read_metadata(path: Path) -> dict[str, Any]:
 
 
 def _thresholds(path: Path, metadata: dict[str, Any]) -> dict[str, float]:
-    given = {key: metadata.get(key, usual) for key, usual in _USUAL_THRESHOLDS.items()}
+    given = {key: metadata.get(key, default) for key, default in _DEFAULT_THRESHOLDS.items()}
     for key, value in given.items():
         if not isinstance(value, int | float) or not 0 <= value <= 1:
             raise MapError(f"{path}: {key}={value!r} must be a probability in [0, 1]")
@@ -101,7 +101,7 @@ def _thresholds(path: Path, metadata: dict[str, Any]) -> dict[str, float]:
 def _read_image(path: Path, metadata: dict[str, Any]) -> npt.NDArray[np.uint8]:
     image_path = path.parent / str(metadata["image"])
     try:
-        # Pillow looks at the size before it reads a pixel, and warns of what it takes for a bomb.
+        # Pillow checks the size before it reads a pixel, and warns of images that it takes for decompression bombs.
         with warnings.catch_warnings(category=Image.DecompressionBombWarning, action="error"), Image.open(image_path) as image:
             pixels = np.asarray(image.convert("LA" if "A" in image.getbands() else "L"))
     except FileNotFoundError:

@@ -1,1 +1,1 @@
-"""LiDAR scans -> OccupancyGrid: the baseline of a single mapping car (SMRF, LOAM, bird's-eye view)."""
+"""LiDAR scans -> OccupancyGrid: ground filter (SMRF), odometry and mapping (LOAM), maps from bird's-eye view."""

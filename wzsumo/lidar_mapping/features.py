@@ -1,11 +1,11 @@
-"""Edge and planar points of a scan, by the curvature of its lines (Zhang & Singh 2014, Section V-A), and axes of posts.
+"""Edge and planar points of a scan by the curvature of its scan lines (LOAM, Zhang & Singh 2014, Section V-A), and posts.
 
-A cone or a pole has no edge that is fixed in the world: its silhouette and its visible face travel around it as the car
-passes, and would pull the car back by a millimetre a scan. Its AXIS is fixed. So where a line crosses something narrow
-that stands free on both sides, the point of a post is the middle of the crossing, moved in by half its width.
+A cone or a pole has no edge that is fixed in the world: its outline and its visible face travel around it as the car passes.
+Its axis is fixed. So where a scan line crosses something narrow that stands free on both sides, the feature is a post: the
+middle of the crossing, moved away from the sensor by half the crossing's width.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -19,29 +19,29 @@ from wzsumo.spec import Spec
 
 
 class FeatureSpec(Spec):
-    """How many features, and how sharp or smooth they must be."""
+    """How many features a scan line gives, and how sharp or smooth they are."""
 
-    sectors: int = Field(
-        default=6, ge=1, le=64
-    )  # of a line, so that features surround the car; four in LOAM, six in its program
-    edges_per_sector: int = Field(default=2, ge=0)  # corners; two in LOAM; posts are taken whole
-    planars_per_sector: int = Field(default=4, ge=0)  # ibid.
-    edge_curvature: float = Field(default=0.02, gt=0)  # at least; of the mean offset of neighbours over range, see `curvature`
-    planar_curvature: float = Field(default=0.002, gt=0)  # at most
-    min_range_m: float = Field(default=2.0, ge=0)  # nearer returns are the car's own
+    # Each scan line is cut into sectors, so that features surround the car; Zhang & Singh 2014: 4, their program: 6.
+    sectors: int = Field(default=6, ge=1, le=64)
+    edges_per_sector: int = Field(default=2, ge=0)  # at most; Zhang & Singh 2014. Posts are not counted
+    planars_per_sector: int = Field(default=4, ge=0)  # at most; ibid.
+    edge_curvature: float = Field(default=0.02, gt=0)  # of an edge at least; chosen by us
+    planar_curvature: float = Field(default=0.002, gt=0)  # of a planar point at most; chosen by us
+    min_range_m: float = Field(default=2.0, ge=0)  # nearer returns come from the car itself; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Features:
-    """Points by kind, in the frame the cloud was given in. Ground and walls hold the flattest points of each sector.
+    """Features of a scan by kind, each (n, 3) [m], in the frame of the deskewed cloud.
 
-    `smooth_ground` and `smooth_walls` are all smooth points, what later scans find planes in.
+    `ground` and `walls` hold the flattest points of each sector; they are matched to the map. `smooth_ground` and
+    `smooth_walls` hold all smooth points; they go into the map, where later scans find planes in them.
     """
 
-    edge: FloatArray  # (n, 3)
-    posts: FloatArray  # (n, 3): where their axes are
+    edge: FloatArray
+    posts: FloatArray  # points on the posts' axes
     ground: FloatArray
-    walls: FloatArray
+    walls: FloatArray  # of standing points
     smooth_ground: FloatArray
     smooth_walls: FloatArray
 
@@ -52,18 +52,15 @@ class Features:
 def extract_features(
     scan: LidarScan, cloud: FloatArray, standing: BoolArray, spec: FeatureSpec, *, motion: FloatArray
 ) -> Features:
-    """Features of a scan; `cloud` (n, 3) are its points freed of the car's motion, `standing` (n,) those above the ground.
+    """Features of a scan whose deskewed points are `cloud` (n, 3); `standing` (n,) tells which of them are above the ground.
 
-    `motion` (columns, 4, 4) is what freed them (`take_out_motion`). Edges and posts are taken from standing points alone: a
-    rough verge is full of sharp points that are gone in the next scan.
+    `motion` (columns, 4, 4) is what deskewed them. Edges and posts are taken from standing points only: a rough verge is full
+    of sharp points that the next scan does not see again.
     """
     kind, place = classify_points(scan, standing, spec)
-    post = kind == POST
-    kept = {name: getattr(scan, name)[post] for name in ("ring", "column", "time_s", "object_id")}
-    axes = replace(scan, points=place[post], **kept)
     return Features(
         edge=cloud[kind == EDGE],
-        posts=take_out_motion(axes, motion),
+        posts=_deskewed(place[kind == POST], scan.column[kind == POST], motion),
         ground=cloud[(kind == PLANAR) & ~standing],
         walls=cloud[(kind == PLANAR) & standing],
         smooth_ground=cloud[(kind >= PLANAR) & ~standing],
@@ -72,22 +69,26 @@ def extract_features(
 
 
 def classify_points(scan: LidarScan, standing: BoolArray, spec: FeatureSpec) -> tuple[IntArray, FloatArray]:
-    """(NEITHER, EDGE, POST, PLANAR or SMOOTH (n,), the points (n, 3) themselves or, of a post's, the place of its axis)."""
+    """(kind (n,): NEITHER, EDGE, POST, PLANAR or SMOOTH; place (n, 3): the point itself, or that on the axis of a POST)."""
     kind, place = np.zeros(len(scan.points), dtype=np.int64), np.array(scan.points, dtype=np.float64)
     if len(kind) == 0:
         return kind, place
     image = np.full((int(scan.ring.max()) + 1, int(scan.column.max()) + 1), -1, dtype=np.int64)
     image[scan.ring, scan.column] = np.arange(len(kind))
-    numbers = np.array([spec.sectors, spec.edges_per_sector, spec.planars_per_sector])
+    counts = np.array([spec.sectors, spec.edges_per_sector, spec.planars_per_sector])
     limits = np.array([spec.edge_curvature, spec.planar_curvature, spec.min_range_m])
-    classify_lines(np.ascontiguousarray(scan.points), image, standing, numbers, limits, kind, place)
+    classify_lines(np.ascontiguousarray(scan.points), image, standing, counts, limits, kind, place)
     return kind, place
 
 
-def take_out_motion(scan: LidarScan, motion: FloatArray) -> FloatArray:
-    """Points (n, 3) of a scan moved by `motion` (columns, 4, 4), one for each azimuth column: into one common frame."""
-    moved = np.empty_like(scan.points)
-    _move(np.ascontiguousarray(scan.points), scan.column, np.ascontiguousarray(motion), moved)
+def deskew(scan: LidarScan, motion: FloatArray) -> FloatArray:
+    """Points (n, 3) of a scan in one common frame: each is moved by the `motion` (columns, 4, 4) of its azimuth column."""
+    return _deskewed(scan.points, scan.column, motion)
+
+
+def _deskewed(points: FloatArray, column: npt.NDArray[np.int32], motion: FloatArray) -> FloatArray:
+    moved = np.empty_like(points)
+    _move(np.ascontiguousarray(points), column, np.ascontiguousarray(motion), moved)
     return moved
 
 
@@ -100,7 +101,7 @@ def compile_kernels() -> None:
         object_id=np.zeros_like(column),
     )  # fmt: skip
     classify_points(scan, np.ones(20, dtype=bool), FeatureSpec())
-    take_out_motion(scan, np.tile(np.eye(4), (20, 1, 1)))
+    deskew(scan, np.tile(np.eye(4), (20, 1, 1)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

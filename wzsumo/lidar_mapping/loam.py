@@ -1,30 +1,31 @@
-"""LiDAR odometry and mapping of one drive (LOAM): where the car was at each scan, and how far that can be trusted.
+"""LiDAR odometry and mapping of one drive (LOAM): the car's pose at each scan, and how certain it is.
 
-Features by curvature, laid on the lines and planes of a growing map (Zhang & Singh 2014), from the prior of `motion`. What
-the scan says is then weighed against the prior: its information is first lowered by the map's own uncertainty, for the
-map was made with the same poses; and in directions where it says less than the prior (a bare line of cones leaves
-height and pitch free, a guardrail the way along it) it says nothing (solution remapping, Zhang, Kaess & Singh 2016).
-Dead reckoning runs beside it and is part of every result.
+Features by curvature are matched to the lines and planes of a growing map (Zhang & Singh 2014), starting from the prior pose of
+`motion`. The scan is then fused with the prior as a measurement of the pose. Its information is first reduced by the
+uncertainty of the map, which was built from the same poses. Directions in which the scan is less certain than the prior are
+left to the prior (solution remapping, Zhang, Kaess & Singh 2016): a bare line of cones does not fix height and pitch, a
+guardrail does not fix the position along it. Dead reckoning runs beside it and is part of every result.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
 
 from wzsumo.errors import InputError, NoGroundError
 from wzsumo.frames import BoolArray, FloatArray
-from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, Matcher, SurfaceMatcher, align, minus
-from wzsumo.lidar_mapping.features import Features, FeatureSpec, extract_features, take_out_motion
+from wzsumo.lidar_mapping.alignment import MIN_FEATURES, Fit, Matcher, SurfaceMatcher, align, minus
+from wzsumo.lidar_mapping.features import Features, FeatureSpec, deskew, extract_features
 from wzsumo.lidar_mapping.motion import (
     MotionSpec,
     Prior,
     corrected,
-    first_prior,
+    dead_reckoned_poses,
+    initial_prior,
     motion_within,
     poses_between,
     predict,
-    reckoned_poses,
     with_attitude,
     with_gnss,
 )
@@ -37,65 +38,58 @@ from wzsumo.rigid import moved
 from wzsumo.scan import LidarScan, MotionReadings
 from wzsumo.spec import Spec
 
+SEARCHES, STEPS_PER_SEARCH = 3, 3  # of one registration at most: the prior is good, so few are needed. Chosen by us
+SETTLED_STEP = 2e-3  # [m, rad]; no further search follows a shorter first step. Chosen by us
+GROUND_STRIDE = 3  # every third smooth ground point goes into the map; the others would hardly change it. Chosen by us
+
 
 class LoamSpec(Spec):
     """Odometry and mapping of one drive."""
 
-    # Chen et al. 2022 for the threshold. No allowance for slope: a road has hardly any, and what noise adds hides low cones.
+    # Threshold: Chen et al. 2022. No allowance for slope: roads have little of it, and noise in the slope would hide low cones.
     ground: SmrfSpec = SmrfSpec(elevation_threshold_m=0.2, elevation_scalar=0.0)
     features: FeatureSpec = FeatureSpec()
     motion: MotionSpec = MotionSpec()
-    edge_radius_m: float = Field(default=0.6, gt=0)  # of the search for a line's points: a cone's width and a scan's spacing
-    plane_radius_m: float = Field(default=1.2, gt=0)  # of a plane's points
-    edge_spacing_m: float = Field(default=0.08, gt=0)  # of the map's points; denser than the LiDAR sees at 30 m
-    plane_spacing_m: float = Field(default=0.35, gt=0)
-    map_deviation_m: float = Field(default=0.01, gt=0)  # how far the map as a whole may be off from one scan to the next
-    map_deviation_deg: float = Field(default=0.02, gt=0)
-    gate: float = Field(default=5.0, gt=0)  # standard deviations that a scan may contradict the prior by
-    max_range_m: float = Field(default=60.0, gt=0)  # of points that can stand above the ground; a cone has six rays there
+    # Search radii for the points of a line or a post, and for those of a plane. Set on our simulated drives.
+    edge_radius_m: float = Field(default=0.6, gt=0)
+    plane_radius_m: float = Field(default=1.2, gt=0)
+    edge_spacing_m: float = Field(default=0.08, gt=0)  # between the map's edge points; chosen by us
+    plane_spacing_m: float = Field(default=0.35, gt=0)  # between the map's planar points; chosen by us
+    map_deviation_m: float = Field(default=0.01, gt=0)  # sd of the map's position as a whole, per scan; chosen by us
+    map_deviation_deg: float = Field(default=0.02, gt=0)  # sd of the map's rotation as a whole, per scan; chosen by us
+    gate: float = Field(default=5.0, gt=0)  # standard deviations between scan and prior, at most; chosen by us
+    max_range_m: float = Field(default=60.0, gt=0)  # of points that may be standing; a cone gets six rays there
 
 
 def map_drive(
     scans: Iterable[LidarScan], readings: MotionReadings, spec: LoamSpec, *, mounting: FloatArray, start: FloatArray
 ) -> Iterator[PosedScan]:
-    """Posed scans of a drive, one as each comes. `mounting` (4, 4): sensor to car; `start` (4, 4): the car's first pose.
+    """The scans of a drive with their poses, one by one. `mounting` (4, 4): sensor to car; `start` (4, 4): first car pose.
 
-    Raises InputError where there is no scan, or no motion reading around one.
+    Raises InputError where there is no scan, TraceError where there is no motion reading around a scan.
     """
-    edges = VoxelMap(cube=spec.edge_radius_m, spacing=spec.edge_spacing_m)
-    posts = PostMap(apart=spec.edge_radius_m)
-    ground, walls = (VoxelMap(cube=spec.plane_radius_m, spacing=spec.plane_spacing_m) for _ in range(2))
-    prior, reckoned = first_prior(start, spec.motion), reckoned_poses(readings, start)
+    maps = _empty_maps(spec)
+    prior, reckoned = initial_prior(start, spec.motion), dead_reckoned_poses(readings, start)
     last: LidarScan | None = None
     for scan in scans:
         fix: FloatArray | None = None
         if last is not None:
-            prior, fix = _carried_on(prior, readings, last.start_s, scan.start_s, spec.motion)
+            prior, fix = _predicted(prior, readings, last.start_s, scan.start_s, spec.motion)
         step = 2 * np.pi / (int(scan.column.max()) + 1) if len(scan.points) else 0.0
         motion = _motion_of_columns(scan, readings, prior) @ mounting
-        cloud = take_out_motion(scan, motion)
+        cloud = deskew(scan, motion)
         standing = _standing(scan, cloud, prior, spec)
         features = extract_features(scan, cloud, standing, spec.features, motion=motion)
         fit: Fit | None = None
-        state, free = ScanState.FIRST_SCAN, 0
-        if last is not None:
-            state = _readiness(scan, last, features)
+        free = 0
+        state = ScanState.FIRST_SCAN if last is None else _state_before_registration(scan, last, features)
         if state is ScanState.REGISTERED:
-            matchers = (
-                PostMatcher(features=features.posts, target=posts, sensor=mounting[:3, 3], step=step),
-                SurfaceMatcher(features=features.edge, target=edges, shape=Shape.LINE),
-                SurfaceMatcher(features=features.walls, target=walls, shape=Shape.PLANE),
-                SurfaceMatcher(features=features.ground, target=ground, shape=Shape.GROUND),
-            )
-            fit = _laid_on(matchers, prior, spec)
-            prior, state, free = _weighed(prior, fit, spec)
+            fit = _registered(maps.matchers(features, sensor=mounting[:3, 3], step=step), prior, spec)
+            prior, state, free = _fused(prior, fit, spec)
         if fix is not None:
             prior = with_gnss(prior, fix, spec.motion)
         if state is not ScanState.IDENTICAL_SCAN:
-            posts.insert(moved(features.posts, prior.pose), sensor=(prior.pose @ mounting)[:3, 3], step=step)
-            edges.insert(moved(features.edge, prior.pose))
-            walls.insert(moved(features.smooth_walls, prior.pose))
-            ground.insert(moved(features.smooth_ground[::3], prior.pose))  # a third of them fill the map as well
+            maps.insert(features, prior.pose, sensor=(prior.pose @ mounting)[:3, 3], step=step)
         last = scan
         yield PosedScan(
             time_s=scan.start_s,
@@ -114,10 +108,48 @@ def map_drive(
         raise InputError("no scans: a drive of the mapping car must last for at least one turn of its LiDAR")
 
 
-def _carried_on(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _FeatureMaps:
+    """The map that grows with the drive: one part for each kind of feature, in the world frame."""
+
+    posts: PostMap
+    edges: VoxelMap
+    walls: VoxelMap
+    ground: VoxelMap
+
+    def matchers(self, features: Features, *, sensor: FloatArray, step: float) -> tuple[Matcher, ...]:
+        """Each kind of features with its part of the map. `sensor` (3,) is in the car's frame, `step` is in azimuth [rad]."""
+        return (
+            PostMatcher(features=features.posts, target=self.posts, sensor=sensor, step=step),
+            SurfaceMatcher(features=features.edge, target=self.edges, shape=Shape.LINE),
+            SurfaceMatcher(features=features.walls, target=self.walls, shape=Shape.PLANE),
+            SurfaceMatcher(features=features.ground, target=self.ground, shape=Shape.GROUND),
+        )
+
+    def insert(self, features: Features, pose: FloatArray, *, sensor: FloatArray, step: float) -> None:
+        """Add the features of a scan taken at a car pose (4, 4); `sensor` (3,) is in the world frame."""
+        self.posts.insert(moved(features.posts, pose), sensor=sensor, step=step)
+        self.edges.insert(moved(features.edge, pose))
+        self.walls.insert(moved(features.smooth_walls, pose))
+        self.ground.insert(moved(features.smooth_ground[::GROUND_STRIDE], pose))
+
+
+def _empty_maps(spec: LoamSpec) -> _FeatureMaps:
+    return _FeatureMaps(
+        posts=PostMap(apart=spec.edge_radius_m),
+        edges=VoxelMap(cube=spec.edge_radius_m, spacing=spec.edge_spacing_m),
+        walls=VoxelMap(cube=spec.plane_radius_m, spacing=spec.plane_spacing_m),
+        ground=VoxelMap(cube=spec.plane_radius_m, spacing=spec.plane_spacing_m),
+    )
+
+
+def _predicted(
     prior: Prior, readings: MotionReadings, from_s: float, to_s: float, spec: MotionSpec
 ) -> tuple[Prior, FloatArray | None]:
-    """(prior at the next scan, the last GNSS fix since, moved on to the scan's time)."""
+    """(prior at the next scan, GNSS position at the next scan or None).
+
+    The position is that of the last fix since the last scan, moved on to the next scan's time.
+    """
     motion = motion_within(readings, prior, np.array([from_s, to_s]))[1]
     prior = predict(prior, motion, elapsed_s=to_s - from_s, spec=spec)
     attitude = np.array([np.interp(to_s, readings.time_s, angle) for angle in readings.attitude.T])
@@ -131,7 +163,7 @@ def _carried_on(
 
 
 def _motion_of_columns(scan: LidarScan, readings: MotionReadings, prior: Prior) -> FloatArray:
-    """Motions (columns, 4, 4) of the car from the scan's start to when each azimuth column was fired."""
+    """Motions (columns, 4, 4) of the car from the scan's start to the firing of each azimuth column."""
     if len(scan.points) == 0:
         return np.eye(4)[None]
     offsets = np.zeros(int(scan.column.max()) + 1)
@@ -140,11 +172,11 @@ def _motion_of_columns(scan: LidarScan, readings: MotionReadings, prior: Prior) 
 
 
 def _standing(scan: LidarScan, cloud: FloatArray, prior: Prior, spec: LoamSpec) -> BoolArray:
-    """Which points (n,) stand above the ground; far ones count as ground."""
+    """Which points (n,) stand above the ground; points beyond `max_range_m` count as ground."""
     near = np.einsum("ni,ni->n", scan.points, scan.points) < spec.max_range_m**2
     standing = np.zeros(len(cloud), dtype=bool)
     if near.any():
-        # Level axes, as SMRF needs them: the car's own roll and pitch would add to every slope.
+        # SMRF needs level axes: the car's roll and pitch would otherwise add to every slope.
         try:
             standing[near] = ~ground_mask(cloud[near] @ prior.pose[:3, :3].T, spec.ground)
         except NoGroundError:
@@ -152,38 +184,46 @@ def _standing(scan: LidarScan, cloud: FloatArray, prior: Prior, spec: LoamSpec) 
     return standing
 
 
-def _readiness(scan: LidarScan, last: LidarScan, features: Features) -> ScanState:
-    """REGISTERED where registration may be tried."""
+def _state_before_registration(scan: LidarScan, last: LidarScan, features: Features) -> ScanState:
+    """REGISTERED where a registration can be tried, otherwise why not."""
     if len(scan.points) and scan.points.shape == last.points.shape and (scan.points == last.points).all():
         return ScanState.IDENTICAL_SCAN
-    return ScanState.REGISTERED if len(features) >= FEWEST_FEATURES else ScanState.TOO_FEW_FEATURES
+    return ScanState.REGISTERED if len(features) >= MIN_FEATURES else ScanState.TOO_FEW_FEATURES
 
 
-def _laid_on(matchers: Sequence[Matcher], prior: Prior, spec: LoamSpec) -> Fit:
+def _registered(matchers: Sequence[Matcher], prior: Prior, spec: LoamSpec) -> Fit:
+    """The fit of a scan's features to the map, from the prior."""
     radius = max(spec.edge_radius_m, spec.plane_radius_m)
-    trust = np.asarray(np.linalg.solve(prior.covariance[:6, :6], np.eye(6)), dtype=np.float64)
-    return align(matchers, prior.pose, prior_information=trust, radii=(radius,) * 3, steps=3, settle=2e-3)
+    information = np.asarray(np.linalg.solve(prior.covariance[:6, :6], np.eye(6)), dtype=np.float64)
+    return align(
+        matchers,
+        prior.pose,
+        prior_information=information,
+        radii=(radius,) * SEARCHES,
+        max_steps=STEPS_PER_SEARCH,
+        settled_step=SETTLED_STEP,
+    )
 
 
-def _weighed(prior: Prior, fit: Fit, spec: LoamSpec) -> tuple[Prior, ScanState, int]:
-    """(the prior with what the scan adds, state, count of directions left to the prior).
+def _fused(prior: Prior, fit: Fit, spec: LoamSpec) -> tuple[Prior, ScanState, int]:
+    """(the prior updated by the scan, the scan's state, number of directions left to the prior).
 
-    Gauss-Newton ended where information (x_scan - x) = prior information (x - x_prior), so that information
-    (x_scan - x_prior) is known even where the information is singular. With H the information and S the map's own
-    covariance, the scan as a measurement of the pose has the information (I + H S)^-1 H.
+    Let H be the scan's information and P the prior's covariance. Gauss-Newton ended at the pose x where
+    H (x_scan - x) = P^-1 (x - x_prior), so H (x_scan - x_prior) = (H + P^-1) (x - x_prior) is known even where H is singular.
+    With the map's own covariance S, the scan measures the pose with the information (I + H S)^-1 H.
     """
-    if fit.used < FEWEST_FEATURES or not fit.converged:
+    if fit.used < MIN_FEATURES or not fit.converged:
         return prior, ScanState.TOO_FEW_FEATURES, 6
     P = prior.covariance[:6, :6]
     offset = minus(fit.pose, prior.pose)
-    if float(offset @ np.linalg.solve(P, offset)) > spec.gate**2 * 6:
+    if float(offset @ np.linalg.solve(P, offset)) > spec.gate**2 * 6:  # 6 is the mean of chi-squared with six unknowns
         return prior, ScanState.CONTRADICTS_PRIOR, 6
     map_covariance = np.diag(np.square([spec.map_deviation_m] * 3 + [np.deg2rad(spec.map_deviation_deg)] * 3))
     lowered = np.linalg.inv(np.eye(6) + fit.information @ map_covariance)
     information = lowered @ fit.information
     information = (information + information.T) / 2
     pull = lowered @ (fit.information + np.linalg.inv(P)) @ offset
-    # In coordinates where the prior's covariance is the identity, an eigenvalue below 1 says less than the prior.
+    # In coordinates where P is the identity, a direction with an eigenvalue below 1 is known less well than from the prior.
     root = np.linalg.cholesky(P)
     values, vectors = np.linalg.eigh(root.T @ information @ root)
     kept = values >= 1.0

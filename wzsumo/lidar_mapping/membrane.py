@@ -1,8 +1,8 @@
-"""Holes of a surface filled by a membrane: the discrete Laplace equation on the empty cells, solved by conjugate gradients.
+"""Holes of a surface filled by a membrane: the discrete Laplace equation on the empty cells, by conjugate gradients.
 
-A cell of the membrane is the mean of its neighbours (springs of equal stiffness between the four neighbours, free at the
-border of the grid): the fill of Pingel et al. 2013 (their `inpaint_nans`, springs), by another solver. It begins from the
-membrane over coarser cells; the preconditioner is the modified incomplete Cholesky factor without fill-in (Gustafsson 1978).
+Each cell of the membrane is the mean of its four neighbours (springs of equal stiffness, free at the border of the grid). This
+is the fill of Pingel et al. 2013 (their `inpaint_nans` with springs) with another solver. The first guess is the membrane over
+coarser cells; the preconditioner is the modified incomplete Cholesky factor without fill-in (Gustafsson 1978).
 """
 
 import numpy as np
@@ -12,18 +12,18 @@ from numba import njit
 from wzsumo.frames import BoolArray, FloatArray
 
 IndexArray = npt.NDArray[np.int32]
-MODIFIED = 0.97  # share of the dropped fill-in that is moved to the diagonal; Bridson 2015, Fluid Simulation, ch. 5.3
-SAFETY = 0.25  # a pivot below this share of its diagonal is not trusted, ibid.
-MAX_ITERATIONS = 2000
-BLOCK = 4  # cells of a level along each axis in one cell of the coarser level
+FILL_IN_SHARE = 0.97  # share of the dropped fill-in that is moved to the diagonal; Bridson 2015, Fluid Simulation, ch. 5.3
+MIN_PIVOT_SHARE = 0.25  # of a diagonal entry; a smaller pivot is replaced by the entry, ibid.
+MAX_ITERATIONS = 2000  # of one level; from a coarser level's guess far fewer are needed
+RESIDUAL_SHARE = 0.01  # of the tolerance that a residual may have, for the slow modes of wide holes; chosen by us
+BLOCK = 4  # cells of a level along each axis that form one cell of the next coarser level; chosen by us
 
 
 def fill_holes(surface: FloatArray, hole: BoolArray, *, tolerance: float = 1e-4) -> FloatArray:
     """The surface (rows, cols) [m] with the cells of `hole` replaced by the membrane through all other cells.
 
-    Iterates until no hole's cell differs by more than `tolerance` [m] from the mean of its neighbours, times 1/100 for
-    the slow modes of wide holes. Values of hole cells serve as the first guess where they are finite. At least one cell
-    must be no hole.
+    Iterates until no hole cell differs from the mean of its neighbours by more than RESIDUAL_SHARE of `tolerance` [m]. Finite
+    values of hole cells serve as the first guess. At least one cell must not be a hole.
     """
     filled = np.ascontiguousarray(surface, dtype=np.float64).copy()
     known = ~hole
@@ -35,16 +35,16 @@ def fill_holes(surface: FloatArray, hole: BoolArray, *, tolerance: float = 1e-4)
     if unguessed.any():
         filled[unguessed] = _from_coarser(np.where(hole, np.nan, filled), tolerance)[unguessed]
     springs, degree, right_side = _assemble(filled, np.ascontiguousarray(hole))
-    stop = np.array([0.01 * tolerance, MAX_ITERATIONS])
+    stop = np.array([RESIDUAL_SHARE * tolerance, MAX_ITERATIONS])
     filled[hole] = _conjugate_gradients(springs, degree, right_side, np.append(filled[hole], 0.0), stop)[:-1]
     return np.asarray(filled + level)
 
 
 def _from_coarser(holed: FloatArray, tolerance: float) -> FloatArray:
-    """A first guess (rows, cols) for the NaN of a surface: the membrane over square blocks of its cells, bilinear between them.
+    """A first guess (rows, cols) for the NaN cells of a surface: the membrane over blocks of its cells, bilinear between them.
 
-    Each level leaves to the next only what is narrower than a few of its own cells, so that a hole of a thousand cells takes
-    hardly more iterations than one of ten (nested iteration; Briggs, Henson & McCormick 2000, A Multigrid Tutorial, ch. 3).
+    The errors left by a level are only a few of its cells wide, so a hole of a thousand cells takes hardly more iterations than
+    one of ten (nested iteration; Briggs, Henson & McCormick 2000, A Multigrid Tutorial, ch. 3).
     """
     known = np.isfinite(holed)
     rows, cols = (-(-n // BLOCK) for n in holed.shape)
@@ -61,7 +61,7 @@ def _from_coarser(holed: FloatArray, tolerance: float) -> FloatArray:
 
 
 def _blocks_around(n: int) -> tuple[IndexArray, IndexArray, FloatArray]:
-    """For each of n cells the two blocks whose middles lie around its own, and the share of the second."""
+    """For each of n cells: the two blocks whose middles enclose its own, and the weight of the second one."""
     last = -(-n // BLOCK) - 1
     at = np.clip((np.arange(n) + 0.5) / BLOCK - 0.5, 0, last)
     low = at.astype(np.int32)
@@ -72,7 +72,8 @@ def _blocks_around(n: int) -> tuple[IndexArray, IndexArray, FloatArray]:
 def _assemble(filled: FloatArray, hole: BoolArray) -> tuple[IndexArray, FloatArray, FloatArray]:
     """The equations of n hole cells, in row order: degree * u - sum of u over `springs` = right side.
 
-    `springs` (n, 4) are the neighbours above, before, below, behind that are unknown too; n, a dummy of value 0, else.
+    `springs` (n, 4) holds the indices of the neighbours above, before, below and behind that are hole cells too; for other
+    neighbours the index n of a dummy cell of value 0.
     """
     rows, cols = filled.shape
     n = int(np.sum(hole))
@@ -110,10 +111,10 @@ def _factor(springs: IndexArray, degree: FloatArray) -> FloatArray:
         for side in range(2):
             j = springs[i, side]
             kept -= pivot[j] ** 2
-            if j < n and springs[j, 3 - side] < n:  # the cell before is coupled below, the one above to its right
+            if j < n and springs[j, 3 - side] < n:  # the cell before has a neighbour below, the cell above one behind
                 dropped += pivot[j] ** 2
-        rest = kept - MODIFIED * dropped
-        pivot[i] = 1.0 / np.sqrt(rest if rest > SAFETY * degree[i] else degree[i])
+        rest = kept - FILL_IN_SHARE * dropped
+        pivot[i] = 1.0 / np.sqrt(rest if rest > MIN_PIVOT_SHARE * degree[i] else degree[i])
     return pivot
 
 
@@ -121,7 +122,7 @@ def _factor(springs: IndexArray, degree: FloatArray) -> FloatArray:
 def _conjugate_gradients(
     springs: IndexArray, degree: FloatArray, right_side: FloatArray, guess: FloatArray, stop: FloatArray
 ) -> FloatArray:
-    """The solution (n + 1,) from a guess; `stop` = largest residual of a cell's mean [m], most iterations."""
+    """The solution (n + 1,) from a guess; `stop` = largest residual of a cell [m], greatest number of iterations."""
     n, pivot, x = len(springs), _factor(springs, degree), guess.copy()
     residual, z, search = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     image = _multiplied(springs, degree, x)
@@ -157,6 +158,7 @@ def _conjugate_gradients(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _multiplied(springs: IndexArray, degree: FloatArray, u: FloatArray) -> FloatArray:
+    """The left side of the equations, degree * u - sum of u over `springs`."""
     image = np.zeros(u.size)
     for i in range(len(springs)):
         image[i] = degree[i] * u[i] - u[springs[i, 0]] - u[springs[i, 1]] - u[springs[i, 2]] - u[springs[i, 3]]

@@ -1,4 +1,4 @@
-"""Lines and planes fitted to the map points around each feature: what a scan point is drawn to (Zhang & Singh 2014, V-B)."""
+"""Patches: lines and planes fitted to the map points around each feature (Zhang & Singh 2014, Section V-B)."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -9,19 +9,21 @@ from numba import njit
 from wzsumo.frames import FloatArray, IntArray
 from wzsumo.lidar_mapping.voxel_map import EMPTY, VoxelMap, find, key_of
 
-NEIGHBOURS = 8  # map points a patch is fitted to; five in LOAM, more steady the normal
-FEWEST = 5
-FLATNESS = 0.1  # smallest over middle eigenvalue of a plane, at most
-SPREAD = 0.04  # middle over largest eigenvalue of a plane, at least: points of one scan line span no plane
-SLENDERNESS = 3.0  # largest over middle eigenvalue of a line, at least: LOAM's own test
-_STEPS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
-AROUND = _STEPS[np.argsort(np.abs(_STEPS).sum(axis=1), kind="stable")]  # a cube and those around it, the nearest first
+MAX_PATCH_POINTS = 8  # nearest map points that a patch is fitted to; Zhang & Singh's program: 5, more steady the normal
+MIN_PATCH_POINTS = 5  # fewer make no patch; ibid.
+# Limits on the ratios of the eigenvalues of the points' covariance.
+MAX_THICKNESS = 0.1  # smallest over middle one, of a plane; chosen by us
+MIN_SPREAD = 0.04  # middle over largest one, of a plane: the points of one scan line span no plane. Chosen by us
+MIN_SLENDERNESS = 3.0  # largest over middle one, of a line; Zhang & Singh's program
+_OFFSETS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+CUBE_OFFSETS = _OFFSETS[np.argsort(np.abs(_OFFSETS).sum(axis=1), kind="stable")]  # a cube and its neighbours, nearest first
 
 
 class Shape(IntEnum):
-    """What neighbours may form; ANY takes a plane, a line or, where they form neither, their mean.
+    """What shape a patch may have. Bit 1 allows lines, bit 2 planes.
 
-    GROUND takes planes, and of each the distance along their common normal alone.
+    ANY falls back on the mean of the points where they form neither. GROUND patches are planes whose normals are replaced by
+    the most common normal.
     """
 
     LINE = 1
@@ -32,11 +34,11 @@ class Shape(IntEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Patches:
-    """For each of n features: `centre` (n, 3) of its patch, `projector` (n, 3, 3) onto the directions away from it.
+    """For each of n features: the `centre` (n, 3) of its patch and the `projector` (n, 3, 3) onto the directions it constrains.
 
-    The projector is nn' for a plane with normal n, I - dd' for a line along d and I for a point; of directions that are known
-    less well than others (`post_map`) it takes a share. `dimension` counts the directions: 0 where no patch was found. `share`
-    (n,) is 1 over the count of features drawn to the same cube of the map, or to the same post.
+    The projector is nn' for a plane with normal n, I - dd' for a line along d and I for a point; for posts, directions are
+    scaled by their certainty (`post_map`). `dimension` (n,) is the number of constrained directions, 0 where there is no patch.
+    `share` (n,) is 1 over the number of features that are matched to the same cube of the map or to the same post.
     """
 
     centre: FloatArray
@@ -46,7 +48,7 @@ class Patches:
 
 
 def fit_patches(features: FloatArray, target: VoxelMap, *, shape: Shape, radius: float) -> Patches:
-    """Patches around features (n, 3) given in the map's frame, from map points within `radius` <= the map's cube [m]."""
+    """Patches for features (n, 3) in the map's frame, from points within `radius` [m], at most the edge of the map's cubes."""
     n = len(features)
     centre, axis, projector = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
     dimension, cube = np.zeros(n, dtype=np.int64), np.full(n, EMPTY, dtype=np.int64)
@@ -56,7 +58,7 @@ def fit_patches(features: FloatArray, target: VoxelMap, *, shape: Shape, radius:
     )  # fmt: skip
     planes, lines = dimension == 1, dimension == 2
     if shape is Shape.GROUND and planes.any():
-        centre[planes], axis[planes] = _levelled(features[planes], centre[planes], axis[planes])
+        centre[planes], axis[planes] = _with_common_normal(features[planes], centre[planes], axis[planes])
     projector[planes] = axis[planes, :, None] * axis[planes, None, :]
     projector[dimension > 1] = np.eye(3)
     projector[lines] -= axis[lines, :, None] * axis[lines, None, :]
@@ -67,12 +69,12 @@ def fit_patches(features: FloatArray, target: VoxelMap, *, shape: Shape, radius:
     return Patches(centre=centre, projector=projector, dimension=dimension, share=share)
 
 
-def _levelled(features: FloatArray, centre: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(centre, normal) of planes across the commonest normal, each through the foot of its feature on the plane fitted.
+def _with_common_normal(features: FloatArray, centre: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(centres, normals) of planes that all have the median normal. Each keeps the feature's distance along that normal.
 
-    The normals of a road differ by noise. Each difference would count as knowledge of where the scan is ALONG the road,
-    and thousands of them, all drawn to the rings of the scan before, outvote a line of cones. So ground speaks of height,
-    roll and pitch alone, as in Shan & Englot 2018 (LeGO-LOAM).
+    The normals of a road's patches differ by noise. Each difference would act as a measurement of the position along the road,
+    and thousands of them would outweigh a line of cones. With one normal, ground measures height, roll and pitch only, as in
+    LeGO-LOAM (Shan & Englot 2018).
     """
     aligned = normals * np.where(normals[:, 2] < 0, -1.0, 1.0)[:, None]
     common = np.median(aligned, axis=0)
@@ -86,18 +88,18 @@ def _fit(
     features: FloatArray, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, size: FloatArray,
     centre: FloatArray, axis: FloatArray, dimension: IntArray, cube: IntArray,
 ) -> None:  # fmt: skip
-    """Fill the outputs: `axis` is a plane's normal or a line's direction.
+    """Fill `centre`, `axis` (normal of a plane, direction of a line), `dimension`, `cube` (slot of the nearest point's cube).
 
-    `size` = the map's cube [m], radius of the search [m], Shape.
+    `size` = edge of the map's cubes [m], search radius [m], Shape.
     """
-    near = np.empty((NEIGHBOURS, 3))
+    near = np.empty((MAX_PATCH_POINTS, 3))
     for i in range(len(features)):
         found, nearest_slot = _nearest(features[i], keys, slots, counts, stored, size, near)
-        if found < FEWEST:
+        if found < MIN_PATCH_POINTS:
             continue
         mean, values, vectors = _principal_axes(near[:found])
-        flat = values[0] <= FLATNESS * values[1] and values[1] >= SPREAD * values[2]
-        slender = values[2] >= SLENDERNESS * values[1]
+        flat = values[0] <= MAX_THICKNESS * values[1] and values[1] >= MIN_SPREAD * values[2]
+        slender = values[2] >= MIN_SLENDERNESS * values[1]
         kind = int(size[2])
         if kind & 2 and flat:
             dimension[i], column = 1, 0
@@ -118,17 +120,17 @@ def _nearest(
     feature: FloatArray, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, size: FloatArray,
     near: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
-    """(count of the nearest map points written to `near`, slot of the cube that holds the very nearest).
+    """(number of nearest map points written to `near`, slot of the cube that holds the nearest one).
 
-    The feature's own cube comes first; of those around it only the ones that reach nearer than what is found already.
+    The feature's own cube is searched first; of its neighbours only those that reach nearer than the points found so far.
     """
-    apart = np.empty(NEIGHBOURS)
-    found, home = 0, EMPTY
+    squares = np.empty(MAX_PATCH_POINTS)  # squared distances of the points in `near`, ascending
+    found, nearest_slot = 0, EMPTY
     limit = size[1] ** 2
     x, y, z = feature
     own_x, own_y, own_z = int(np.floor(x / size[0])), int(np.floor(y / size[0])), int(np.floor(z / size[0]))
-    for step in range(len(AROUND)):
-        cube_x, cube_y, cube_z = own_x + AROUND[step, 0], own_y + AROUND[step, 1], own_z + AROUND[step, 2]
+    for step in range(len(CUBE_OFFSETS)):
+        cube_x, cube_y, cube_z = own_x + CUBE_OFFSETS[step, 0], own_y + CUBE_OFFSETS[step, 1], own_z + CUBE_OFFSETS[step, 2]
         gap_x = _gap(x, cube_x * size[0], size[0])
         gap_y, gap_z = _gap(y, cube_y * size[0], size[0]), _gap(z, cube_z * size[0], size[0])
         if gap_x * gap_x + gap_y * gap_y + gap_z * gap_z >= limit:
@@ -142,29 +144,29 @@ def _nearest(
             distance = d0 * d0 + d1 * d1 + d2 * d2
             if distance >= limit:
                 continue
-            rank = min(found, NEIGHBOURS - 1)
-            while rank > 0 and apart[rank - 1] > distance:
-                apart[rank] = apart[rank - 1]
+            rank = min(found, MAX_PATCH_POINTS - 1)
+            while rank > 0 and squares[rank - 1] > distance:
+                squares[rank] = squares[rank - 1]
                 near[rank] = near[rank - 1]
                 rank -= 1
-            apart[rank] = distance
+            squares[rank] = distance
             near[rank] = stored[slot, k]
-            home = slot if rank == 0 else home
-            found = min(found + 1, NEIGHBOURS)
-            if found == NEIGHBOURS:
-                limit = apart[NEIGHBOURS - 1]
-    return found, home
+            nearest_slot = slot if rank == 0 else nearest_slot
+            found = min(found + 1, MAX_PATCH_POINTS)
+            if found == MAX_PATCH_POINTS:
+                limit = squares[MAX_PATCH_POINTS - 1]
+    return found, nearest_slot
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _gap(at: float, low: float, width: float) -> float:
-    """How far a coordinate lies outside [low, low + width]."""
+    """Distance of a coordinate from the interval [low, low + width]."""
     return max(low - at, at - low - width, 0.0)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _principal_axes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Mean (3,), variances (3,) ascending and their unit directions as columns (3, 3) of points (n, 3)."""
+    """Mean (3,) of points (n, 3), their principal variances (3,) ascending, and the principal directions as columns (3, 3)."""
     n = len(points)
     mean = np.zeros(3)
     for i in range(n):
@@ -181,7 +183,7 @@ def _principal_axes(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatAr
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues (3,) ascending and eigenvectors as columns of a symmetric (3, 3) by cyclic Jacobi rotations."""
+    """Eigenvalues (3,) ascending and eigenvectors as columns of a symmetric matrix (3, 3), by cyclic Jacobi rotations."""
     m, v = matrix.copy(), np.eye(3)
     for _ in range(12):
         if m[0, 1] ** 2 + m[0, 2] ** 2 + m[1, 2] ** 2 < 1e-24 * (m[0, 0] + m[1, 1] + m[2, 2]) ** 2 + 1e-300:

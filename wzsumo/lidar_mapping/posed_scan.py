@@ -1,4 +1,4 @@
-"""A scan in its place: what odometry says of it, and how far a whole way of them is from the truth."""
+"""PosedScan: a scan with the pose that odometry found for it; the error of a trajectory of poses."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -10,40 +10,42 @@ from wzsumo.rigid import inverse
 
 
 class ScanState(StrEnum):
-    """What the pose of a scan rests on."""
+    """What the pose of a scan was estimated from."""
 
-    FIRST_SCAN = "first_scan"  # the start, as given
-    REGISTERED = "registered"  # the scan in all six directions, and the prior
-    DEGENERATE = "degenerate"  # in some directions the prior alone
-    TOO_FEW_FEATURES = "too_few_features"  # the prior alone: an empty scan, no device in range
-    IDENTICAL_SCAN = "identical_scan"  # the prior alone: the same points as before, a frozen sensor
-    CONTRADICTS_PRIOR = "contradicts_prior"  # the prior alone: the scan fits elsewhere, most likely on moving vehicles
+    FIRST_SCAN = "first_scan"  # the given start
+    REGISTERED = "registered"  # the scan and the prior, in all six directions
+    DEGENERATE = "degenerate"  # the prior alone in some directions, the scan too in the others
+    TOO_FEW_FEATURES = "too_few_features"  # the prior alone: too little to match, as in an empty scan
+    IDENTICAL_SCAN = "identical_scan"  # the prior alone: the same points as in the last scan, a frozen sensor
+    CONTRADICTS_PRIOR = "contradicts_prior"  # the prior alone: the scan fits at an implausible pose
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PosedScan:
-    """A scan in its place. `pose` (4, 4) and `dead_reckoned` take the car's frame to the world; clouds are in the car's frame.
+    """A scan and its pose. `pose` and `dead_reckoned` (4, 4) take the car's frame to the world; the cloud is in the former.
 
-    The car's frame: rear axle on the ground, at the scan's start. `deviation` (6,): standard deviations of translation
-    and rotation vector along the car's axes [m, rad].
+    The car's frame is that at the scan's start, with its origin at the rear axle on the ground. `deviation` (6,) holds standard
+    deviations of translation [m] and rotation vector [rad] along the car's axes.
     """
 
     time_s: float
     pose: FloatArray
     dead_reckoned: FloatArray
     state: ScanState
-    free_directions: int
-    scale_m: float  # residual scale of the registration; 0 where there was none
+    free_directions: int  # number of directions that the prior alone decided
+    scale_m: float  # residual scale of the registration; 0 where there was no registration
     deviation: FloatArray
     has_gnss: bool
-    cloud: FloatArray  # (n, 3), freed of the car's motion
-    standing: BoolArray  # (n,): above the ground
-    sensor: FloatArray  # (3,): where the LiDAR sat in the car's frame
+    cloud: FloatArray  # (n, 3) [m], deskewed
+    standing: BoolArray  # (n,): points above the ground
+    sensor: FloatArray  # (3,): the LiDAR's place in the car's frame
 
 
 def without_clouds(posed: PosedScan) -> PosedScan:
-    """The same pose without its points, for logs of long drives."""
-    return replace(posed, cloud=np.empty((0, 3)), standing=np.empty(0, dtype=bool))  # a slice would keep the whole cloud alive
+    """The same pose without the points, for the log of a long drive."""
+    return replace(
+        posed, cloud=np.empty((0, 3)), standing=np.empty(0, dtype=bool)
+    )  # a slice would keep the whole cloud in memory
 
 
 def trajectory_error_m(estimated: FloatArray, truth: FloatArray) -> FloatArray:

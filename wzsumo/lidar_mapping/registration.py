@@ -1,4 +1,4 @@
-"""Registration: the rigid motion that takes one cloud of anybody's to another, coarse to fine, and how much it is worth."""
+"""Registration: the rigid motion that takes one cloud to another, coarse to fine, and how well the clouds determine it."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -10,39 +10,48 @@ from scipy.spatial import cKDTree
 
 from wzsumo.errors import CloudError, NoGroundError
 from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.alignment import FEWEST_FEATURES, Fit, SurfaceMatcher, align
+from wzsumo.lidar_mapping.alignment import MIN_FEATURES, Fit, SurfaceMatcher, align
 from wzsumo.lidar_mapping.patches import Shape
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
 from wzsumo.rigid import moved, rigid, rotation_from_vector
 from wzsumo.scan import check_cloud
 
-SPACINGS = 4.0  # of the target's points that a cube spans at least, so that it holds enough for a plane
-FINEST = 0.02  # cube of the finest level over the cloud's radius: 1 m of a street scene, 0.2 m of a room
-LOOSEST = 0.01  # deviation over radius beyond which a direction counts as free
-LEAST_OVERLAP = 0.3  # share of the source that must lie near the target
-SMALLEST_SCENE_M = 10.0  # radius of a cloud in which SMRF's cells of 1 m can tell objects from ground
-CONVINCING = 0.2  # error of a fit that leaves nothing free, up to which no other turn is tried
-TURNS = 12  # about the vertical that are tried else: a fit finds its way from half the step between them, 15 degrees
-MOST_PROMISING = 3  # of them that are followed to the end
+# The cube edge of the finest level is the larger of two lengths. Points this near to each other count as overlap. Chosen by us.
+MIN_CUBE_SPACINGS = 4.0  # in spacings of the target's points
+MIN_CUBE_SHARE = 0.02  # of the cloud's radius: 1 m in a street scene of 50 m, 0.2 m in a room of 10 m
+LEVELS = (8, 4, 2, 1)  # cube edges of the levels, in edges of the finest one
+GROUND_FINENESS, STANDING_FINENESS = 4.0, 16.0  # cube edge over point spacing of the map's two parts
+SEARCHES = 8  # in each level, at most
+PRIOR_INFORMATION = 1e-6  # of a level's start [1/m^2]: weak, it only keeps free directions where they are
+MAX_DEVIATION_SHARE = 0.01  # of the cloud's radius; a direction with a larger predicted deviation counts as free. Chosen by us
+MIN_OVERLAP = 0.3  # share of the source that must lie near the target; chosen by us
+MIN_SCENE_RADIUS_M = 10.0  # from here on SMRF's cells of 1 m can tell objects from ground; chosen by us
+MAX_CELLS_PER_RADIUS = 100  # of SMRF; in large clouds its cells are coarser than 1 m. Chosen by us
+ELEVATION_THRESHOLD_M = 0.2  # Chen et al. 2022
+MAX_STRAY_RADII = 4  # points farther off are left out of the ground filter; chosen by us
+MAX_CONVINCING_ERROR = 0.2  # of a fit without free directions; beyond it turns about the vertical are tried. Chosen by us
+TURNS = 12  # that are tried; a fit converges from half the step between them, 15 degrees
+FOLLOWED_TURNS = 3  # that are followed to the end, the most promising ones; chosen by us
 
 
 class RegistrationStatus(StrEnum):
-    """What a registration is worth."""
+    """How well a registration is determined."""
 
     CONVERGED = "converged"
-    DEGENERATE = "degenerate"  # some directions are not determined by the clouds
-    IDENTICAL_CLOUDS = "identical_clouds"  # the same points twice: the identity is exact, and says nothing about a motion
-    TOO_FEW_FEATURES = "too_few_features"
-    NOT_CONVERGED = "not_converged"
-    POOR_OVERLAP = "poor_overlap"  # converged, but most points of the source lie nowhere near the target
+    DEGENERATE = "degenerate"  # the clouds do not determine some directions
+    IDENTICAL_CLOUDS = "identical_clouds"  # the same points: the identity is exact, but no sensor moved like this
+    TOO_FEW_FEATURES = "too_few_features"  # fewer matched features than twice the unknowns
+    NOT_CONVERGED = "not_converged"  # the last step was still long
+    POOR_OVERLAP = "poor_overlap"  # most points of the source are not near the target
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RegistrationResult:
-    """`transform` (4, 4) takes the source to the target. `overlap` is the share of source points near the target.
+    """The `transform` (4, 4) that takes the source to the target, and how well it is determined.
 
-    `deviation_m` (6,): predicted standard deviations along the principal directions, rotations at the cloud's radius [m].
+    `scale_m` is the residual scale, `overlap` the share of source points near the target. `deviation_m` (6,) holds predicted
+    standard deviations along the principal directions, rotations as lengths at the cloud's radius.
     """
 
     transform: FloatArray
@@ -55,9 +64,9 @@ class RegistrationResult:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Trial:
-    """Where one guess led: the share of the source near the target, and the mean distance of what tells.
+    """Where one guess led: the fit, the share of the source near the target, and the mean distance of the telling points.
 
-    Distances count in units of what is near, at most 1.
+    Telling points are the standing ones, or all where none stands. Distances are in units of what counts as near, at most 1.
     """
 
     fit: Fit
@@ -66,28 +75,29 @@ class _Trial:
 
 
 def register(source: npt.ArrayLike, target: npt.ArrayLike, *, start: FloatArray | None = None) -> RegistrationResult:
-    """The rigid motion that takes one cloud (n, 3) to another (m, 3) [m], coarse to fine, from `start` or several guesses.
+    """The rigid motion that takes one cloud (n, 3) to another (m, 3) [m], from `start` (4, 4) or from several guesses.
 
-    Without a start, no motion and the middles on each other are tried, and where neither convinces, turns about the
-    vertical. Clouds that tell nothing come back with a status that says so. Raises CloudError for clouds that are none.
+    Without a start, two guesses are tried: no motion, and the clouds' middles on each other. Where neither fits well, turns
+    about the vertical are tried too. The status tells where the clouds do not determine the motion. Raises CloudError for
+    arrays that are no clouds or have no extent.
     """
     moving, fixed = check_cloud(source, source="source", at_least=3), check_cloud(target, source="target", at_least=3)
     if _same_points(moving, fixed):
-        return _nothing(RegistrationStatus.IDENTICAL_CLOUDS)
-    # About their own middles, for rotations about a far origin are ill-conditioned; and small clouds in larger units, so
-    # that one floor of the residual scale serves a street and a part on a table.
+        return _identity()
+    # The clouds are centred, because rotations about a far origin are ill-conditioned. Small clouds are scaled up, so that one
+    # least residual scale serves a street and a part on a table.
     centres = np.median(moving, axis=0), np.median(fixed, axis=0)
     extent = float(np.percentile(np.linalg.norm(fixed - centres[1], axis=1), 90))
     if extent == 0:
         raise CloudError("target: most points are the same; a cloud has an extent")
-    unit = min(extent / SMALLEST_SCENE_M, 1.0)
+    unit = min(extent / MIN_SCENE_RADIUS_M, 1.0)
     moving, fixed, extent = (moving - centres[0]) / unit, (fixed - centres[1]) / unit, extent / unit
     tree = cKDTree(fixed)
-    apart = np.asarray(tree.query(fixed[:: 1 + len(fixed) // 2000], k=2)[0])[:, 1]
-    near = max(extent * FINEST, SPACINGS * float(np.median(apart)))
+    spacings = np.asarray(tree.query(fixed[:: 1 + len(fixed) // 2000], k=2)[0])[:, 1]
+    near = max(extent * MIN_CUBE_SHARE, MIN_CUBE_SPACINGS * float(np.median(spacings)))
     levels, sample = _levels(moving, fixed, near=near, extent=extent), _thinned(moving, near)
     standing = levels[-1][-1]
-    # What stands decides between guesses: a LiDAR's rings on the ground lie on each other whatever the turn.
+    # Standing points decide between guesses: a LiDAR's rings on the ground lie on each other whatever the turn.
     telling, target = (standing.features, standing.target.points) if len(standing.features) else (sample, fixed)
     telling_tree = cKDTree(target) if len(target) else tree
 
@@ -99,7 +109,7 @@ def register(source: npt.ArrayLike, target: npt.ArrayLike, *, start: FloatArray 
 
     trials = [followed(guess) for guess in _guesses(start, centres, unit)]
     best = min(trials, key=lambda trial: trial.error)
-    if start is None and (best.error > CONVINCING or _free_directions(best.fit, extent=extent)):
+    if start is None and (best.error > MAX_CONVINCING_ERROR or _free_directions(best.fit, extent=extent)):
         trials += [followed(guess) for guess in _promising_turns(levels[0], centres, unit)]
         best = min(trials, key=lambda trial: trial.error)
     fit = best.fit
@@ -115,7 +125,7 @@ def compile_kernels() -> None:
 
 
 def _same_points(moving: FloatArray, fixed: FloatArray) -> bool:
-    """Whether two clouds hold the same points, in whatever order."""
+    """Whether two clouds hold the same points in any order."""
     if moving.shape != fixed.shape:
         return False
     moving, fixed = (cloud[np.lexsort(cloud.T)] for cloud in (moving, fixed))
@@ -123,7 +133,7 @@ def _same_points(moving: FloatArray, fixed: FloatArray) -> bool:
 
 
 def _guesses(start: FloatArray | None, centres: tuple[FloatArray, FloatArray], unit: float) -> list[FloatArray]:
-    """Poses between the centred, scaled clouds to begin from: the given one; or no motion, then the middles on each other."""
+    """First guesses between the centred, scaled clouds: the given start, or no motion and the middles on each other."""
     if start is not None:
         return [rigid(start[:3, :3], (start[:3, :3] @ centres[0] + start[:3, 3] - centres[1]) / unit)]
     return [rigid(np.eye(3), (centres[0] - centres[1]) / unit), np.eye(4)]
@@ -132,7 +142,7 @@ def _guesses(start: FloatArray | None, centres: tuple[FloatArray, FloatArray], u
 def _promising_turns(
     coarse: tuple[SurfaceMatcher, ...], centres: tuple[FloatArray, FloatArray], unit: float
 ) -> list[FloatArray]:
-    """Of turns about the vertical through the middles, and through the origins, those that bring standing points nearest."""
+    """Further guesses: the turns about the vertical, through the middles or the origins, that bring standing points nearest."""
     standing = coarse[-1]
     if not (len(standing.features) and len(standing.target)):
         return []
@@ -143,24 +153,25 @@ def _promising_turns(
         origins = (rotation @ centres[0] - centres[1]) / unit
         guesses += [rigid(rotation, np.zeros(3)), rigid(rotation, origins)]
 
-    def apart(guess: FloatArray) -> float:
+    def mean_distance(guess: FloatArray) -> float:
         away = np.asarray(tree.query(moved(standing.features, guess), distance_upper_bound=standing.target.cube)[0])
         return float(np.minimum(away, standing.target.cube).mean())
 
-    return sorted(guesses, key=apart)[:MOST_PROMISING]
+    return sorted(guesses, key=mean_distance)[:FOLLOWED_TURNS]
 
 
 def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float) -> list[tuple[SurfaceMatcher, ...]]:
-    """Matchers of each level, coarse to fine. Ground is matched to planes alone, standing points to whatever they form.
+    """Matchers (ground, standing) of each level, coarse to fine. Ground is matched to planes, standing points to any shape.
 
-    Kept apart, a cone among ten thousand ground points still has its own neighbours at a radius of metres; together, the
-    rings of a LiDAR on the ground, which look the same from everywhere, would hold the scan in place.
+    The two parts are kept apart, so that a cone among ten thousand ground points finds its own neighbours even at a radius of
+    metres. Together, the rings of a LiDAR on the ground, which look the same from every place, would hold the scan in place.
     """
     source, target = _parts(moving, extent), _parts(fixed, extent)
     levels = []
-    for factor in (8, 4, 2, 1):
+    for factor in LEVELS:
         matchers = []
-        for shape, fineness, points, others in zip((Shape.GROUND, Shape.ANY), (4.0, 16.0), source, target, strict=True):
+        kinds = ((Shape.GROUND, GROUND_FINENESS), (Shape.ANY, STANDING_FINENESS))
+        for (shape, fineness), points, others in zip(kinds, source, target, strict=True):
             cube = factor * near
             held = VoxelMap(cube=cube, spacing=cube / fineness)
             held.insert(others)
@@ -170,40 +181,41 @@ def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float
 
 
 def _parts(points: FloatArray, extent: float) -> tuple[FloatArray, FloatArray]:
-    """(ground, standing) points of a centred cloud; of one too small to hold ground and objects all are standing."""
+    """(ground, standing) points of a centred cloud. In a cloud smaller than MIN_SCENE_RADIUS_M all points are standing."""
     ground = np.zeros(len(points), dtype=bool)
-    if extent >= SMALLEST_SCENE_M:
-        # Strays would spread the surface over millions of cells, and so would a cloud in centimetres.
-        within = np.abs(points[:, :2]).max(axis=1) < 4 * extent
-        cell = max(1.0, extent / 100)
+    if extent >= MIN_SCENE_RADIUS_M:
+        # Stray points, or a cloud in centimetres, would spread the surface over millions of cells.
+        within = np.abs(points[:, :2]).max(axis=1) < MAX_STRAY_RADII * extent
+        cell = max(1.0, extent / MAX_CELLS_PER_RADIUS)
         with suppress(NoGroundError):
-            ground[within] = ground_mask(points[within], SmrfSpec(cell_m=cell, elevation_threshold_m=0.2))
+            ground[within] = ground_mask(points[within], SmrfSpec(cell_m=cell, elevation_threshold_m=ELEVATION_THRESHOLD_M))
     return points[ground], points[~ground]
 
 
 def _coarse_to_fine(levels: list[tuple[SurfaceMatcher, ...]], pose: FloatArray, *, extent: float) -> Fit:
-    weak = np.diag([1e-6] * 3 + [1e-6 * extent**2] * 3)
+    """The fit of the finest level, each level starting at the pose of the one before."""
+    weak = np.diag([PRIOR_INFORMATION] * 3 + [PRIOR_INFORMATION * extent**2] * 3)
     fit = Fit(pose=pose, information=np.zeros((6, 6)), scale=np.inf, used=0, converged=False)
     for matchers in levels:
         radius = max(matcher.target.cube for matcher in matchers)
-        fit = align(matchers, fit.pose, prior_information=weak, radii=(radius,) * 8)
+        fit = align(matchers, fit.pose, prior_information=weak, radii=(radius,) * SEARCHES)
     return fit
 
 
 def _thinned(points: FloatArray, spacing: float) -> FloatArray:
-    """Points of a cloud that keep some distance."""
+    """Points of a cloud that keep a spacing [m], by cubes of a point map."""
     kept = VoxelMap(cube=4 * spacing, spacing=spacing)
     kept.insert(points)
     return kept.points
 
 
 def _judged(fit: Fit, transform: FloatArray, *, overlap: float, extent: float, unit: float) -> RegistrationResult:
-    """The result in metres."""
+    """The result in metres, with the status that the fit deserves."""
     deviation, free = _deviation(fit, extent=extent), _free_directions(fit, extent=extent)
     status = RegistrationStatus.CONVERGED
-    if fit.used < FEWEST_FEATURES:
+    if fit.used < MIN_FEATURES:
         status = RegistrationStatus.TOO_FEW_FEATURES
-    elif overlap < LEAST_OVERLAP:
+    elif overlap < MIN_OVERLAP:
         status = RegistrationStatus.POOR_OVERLAP
     elif free:
         status = RegistrationStatus.DEGENERATE
@@ -220,17 +232,24 @@ def _judged(fit: Fit, transform: FloatArray, *, overlap: float, extent: float, u
 
 
 def _deviation(fit: Fit, *, extent: float) -> FloatArray:
-    """Predicted standard deviations (6,) along the principal directions, rotations by what they move at the radius."""
+    """Predicted standard deviations (6,) along the principal directions, rotations as lengths at the radius `extent`."""
     lever = np.diag([1.0] * 3 + [1 / extent] * 3)
     values = np.linalg.eigvalsh(lever @ fit.information @ lever)
     return np.asarray(1 / np.sqrt(np.maximum(values[::-1], 1e-12)))
 
 
 def _free_directions(fit: Fit, *, extent: float) -> int:
-    return int((_deviation(fit, extent=extent) > LOOSEST * extent).sum())
+    """How many principal directions the clouds do not determine."""
+    return int((_deviation(fit, extent=extent) > MAX_DEVIATION_SHARE * extent).sum())
 
 
-def _nothing(status: RegistrationStatus) -> RegistrationResult:
+def _identity() -> RegistrationResult:
+    """The result for identical clouds."""
     return RegistrationResult(
-        transform=np.eye(4), status=status, scale_m=0.0, overlap=1.0, deviation_m=np.full(6, np.inf), free_directions=6
+        transform=np.eye(4),
+        status=RegistrationStatus.IDENTICAL_CLOUDS,
+        scale_m=0.0,
+        overlap=1.0,
+        deviation_m=np.full(6, np.inf),
+        free_directions=6,
     )

@@ -1,104 +1,111 @@
-"""What each point of a scan's lines is: sharp, flat, smooth, or the middle of a post; kernels of `features`."""
+"""Kernels of `features`: which points of the scan lines are edges, planar points, smooth points or middles of posts.
+
+A scan line holds the returns of one ring in the order of their azimuth columns.
+"""
 
 import numpy as np
 from numba import njit
 
 from wzsumo.frames import BoolArray, FloatArray, IntArray
 
-SIDE = 5  # neighbours to either side that the curvature is taken over, as in the authors' own program
-LARGEST_GAP = 4  # azimuth steps between neighbours that still count as one line; drop-out leaves holes
-STEP_SHARE = 0.05  # a jump in range beyond this share of it hides what is behind, or is seen almost edge on
-WIDEST_POST_M = 0.6  # of what is taken for a post: drums are 18 in wide, MUTCD 6K.07
+HALF_WINDOW = 5  # neighbours on either side that a curvature is computed from; Zhang & Singh's program
+MAX_GAP_STEPS = 4  # azimuth steps between neighbours of one line: drop-out leaves holes. Chosen by us
+RANGE_JUMP_SHARE = 0.05  # of the range; a larger jump between neighbours separates two things. Chosen by us
+MAX_POST_WIDTH_M = 0.6  # drums are 18 in = 0.46 m wide, MUTCD 6K.07; the rest is an azimuth step at a long range
 NEITHER, EDGE, POST, PLANAR, SMOOTH = 0, 1, 2, 3, 4
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def classify_lines(
-    points: FloatArray, image: IntArray, standing: BoolArray, numbers: IntArray,
+    points: FloatArray, image: IntArray, standing: BoolArray, counts: IntArray,
     limits: FloatArray, kind: IntArray, place: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill `kind` (n,) and, of posts, `place` (n, 3). `image` (rings, columns) holds the number of each point, -1 for none.
+    """Fill `kind` (n,) and, for posts, `place` (n, 3). `image` (rings, columns) holds the index of each point, -1 for none.
 
-    `numbers` = sectors, edges and planars a sector; `limits` = sharpest, smoothest curvature, nearest range [m].
+    `counts` = sectors, edges and planar points per sector; `limits` = least curvature of an edge, greatest curvature of a
+    planar point, least range [m].
     """
     rings, columns = image.shape
     for ring in range(rings):
         line = np.empty(columns, np.int64)
-        at = np.empty(columns, np.int64)
+        column = np.empty(columns, np.int64)
         n = 0
         for col in range(columns):
             if image[ring, col] >= 0:
-                line[n], at[n] = image[ring, col], col
+                line[n], column[n] = image[ring, col], col
                 n += 1
-        if n <= 2 * SIDE:
+        if n <= 2 * HALF_WINDOW:
             continue
-        reach = np.empty(n)
+        range_ = np.empty(n)
         for k in range(n):
             x, y, z = points[line[k]]
-            reach[k] = np.sqrt(x * x + y * y + z * z)
-        curvature = _curvature(points, line[:n], at[:n], reach, limits[2])
-        _mark_posts(points, line[:n], at[:n], reach, standing, np.array([limits[2], 2 * np.pi / columns]), kind, place)
-        for sector in range(numbers[0]):
-            first, last = n * sector // numbers[0], n * (sector + 1) // numbers[0]
-            _mark_edges(line[first:last], curvature[first:last], standing, numbers[1], limits[0], kind)
-            _mark_planars(line[first:last], curvature[first:last], numbers[2], limits[1], kind)
+            range_[k] = np.sqrt(x * x + y * y + z * z)
+        curvature = _curvature(points, line[:n], column[:n], range_, limits[2])
+        _mark_posts(points, line[:n], column[:n], range_, standing, np.array([limits[2], 2 * np.pi / columns]), kind, place)
+        for sector in range(counts[0]):
+            first, last = n * sector // counts[0], n * (sector + 1) // counts[0]
+            _mark_edges(line[first:last], curvature[first:last], standing, counts[1], limits[0], kind)
+            _mark_planars(line[first:last], curvature[first:last], counts[2], limits[1], kind)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _curvature(points: FloatArray, line: IntArray, at: IntArray, reach: FloatArray, nearest: float) -> FloatArray:
-    """|sum over 2 SIDE neighbours of (X_j - X_i)| / (2 SIDE |X_i|) along one line; -1 where it says nothing.
+def _curvature(points: FloatArray, line: IntArray, column: IntArray, range_: FloatArray, min_range: float) -> FloatArray:
+    """Curvatures (n,) of one line: |sum over 2 HALF_WINDOW neighbours of (X_j - X_i)| / (2 HALF_WINDOW |X_i|), -1 for none.
 
-    Beside a step in range it says nothing: what is hidden behind the step, and what of the nearer thing is seen, changes
-    with the place of the sensor.
+    A point has no curvature where its window holds a jump in range or a gap: what the sensor sees beside a jump changes with
+    the sensor's place (Zhang & Singh 2014, Fig. 4).
     """
     n = len(line)
     curvature = np.full(n, -1.0)
-    summed = np.zeros((n + 1, 3))  # up to each point; a window's sum is a difference of two
-    step = np.full(n, -1)  # the last step in range up to each point
+    summed = np.zeros((n + 1, 3))  # cumulative sum of the points
+    last_jump = np.full(n, -1)  # index of the last jump or gap up to each point
     for k in range(n):
         for a in range(3):
             summed[k + 1, a] = summed[k, a] + points[line[k], a]
         if k > 0:
-            jump = abs(reach[k] - reach[k - 1]) > STEP_SHARE * min(reach[k], reach[k - 1])
-            step[k] = k if jump or at[k] - at[k - 1] > LARGEST_GAP else step[k - 1]
-    for k in range(SIDE, n - SIDE):
-        if reach[k] < nearest or step[k + SIDE] > k - SIDE:
+            jump = abs(range_[k] - range_[k - 1]) > RANGE_JUMP_SHARE * min(range_[k], range_[k - 1])
+            last_jump[k] = k if jump or column[k] - column[k - 1] > MAX_GAP_STEPS else last_jump[k - 1]
+    for k in range(HALF_WINDOW, n - HALF_WINDOW):
+        if range_[k] < min_range or last_jump[k + HALF_WINDOW] > k - HALF_WINDOW:
             continue
         square = 0.0
         for a in range(3):
-            square += (summed[k + SIDE + 1, a] - summed[k - SIDE, a] - (2 * SIDE + 1) * points[line[k], a]) ** 2
-        curvature[k] = np.sqrt(square) / (2 * SIDE * reach[k])
+            square += (
+                summed[k + HALF_WINDOW + 1, a] - summed[k - HALF_WINDOW, a] - (2 * HALF_WINDOW + 1) * points[line[k], a]
+            ) ** 2
+        curvature[k] = np.sqrt(square) / (2 * HALF_WINDOW * range_[k])
     return curvature
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _mark_posts(
-    points: FloatArray, line: IntArray, at: IntArray, reach: FloatArray, standing: BoolArray,
+    points: FloatArray, line: IntArray, column: IntArray, range_: FloatArray, standing: BoolArray,
     limits: FloatArray, kind: IntArray, place: FloatArray,
 ) -> None:  # fmt: skip
-    """Mark the middle of each narrow run of standing points before a farther background; `limits` = range, azimuth step.
+    """Mark the middle of each narrow run of standing points in front of a farther background.
 
-    A run of m points covers m azimuth steps on average, half of them is the way from its nearest point to the axis. Of one
-    point alone it is known that the thing was not missed, so that it is thinner than that: half a step on average.
+    `limits` = least range [m], azimuth step [rad]. A run over m azimuth steps is taken for m steps wide, a run of one point for
+    half a step, because the rays on both sides missed it. The axis lies half the width behind the run's surface.
     """
     n = len(line)
     first = 0
     for k in range(1, n + 1):
-        inside = k < n and at[k] - at[k - 1] <= LARGEST_GAP
-        if inside and abs(reach[k] - reach[k - 1]) <= STEP_SHARE * min(reach[k], reach[k - 1]):
+        connected = k < n and column[k] - column[k - 1] <= MAX_GAP_STEPS
+        if connected and abs(range_[k] - range_[k - 1]) <= RANGE_JUMP_SHARE * min(range_[k], range_[k - 1]):
             continue
         last = k - 1
         middle = (first + last) // 2
-        steps = at[last] - at[first] + 1 if last > first else 0.5
-        width = steps * limits[1] * reach[middle]
-        before = first == 0 or at[first] - at[first - 1] > LARGEST_GAP or reach[first - 1] > reach[first]
-        behind = k == n or at[k] - at[last] > LARGEST_GAP or reach[k] > reach[last]
-        if width < WIDEST_POST_M and before and behind and reach[middle] > limits[0] and standing[line[middle]]:
+        steps = column[last] - column[first] + 1 if last > first else 0.5
+        width = steps * limits[1] * range_[middle]
+        free_before = first == 0 or column[first] - column[first - 1] > MAX_GAP_STEPS or range_[first - 1] > range_[first]
+        free_behind = k == n or column[k] - column[last] > MAX_GAP_STEPS or range_[k] > range_[last]
+        narrow = width < MAX_POST_WIDTH_M and range_[middle] > limits[0]
+        if narrow and free_before and free_behind and standing[line[middle]]:
             kind[line[middle]] = POST
             towards = np.empty(3)
             for a in range(3):
-                towards[a] = points[line[first], a] / reach[first] + points[line[last], a] / reach[last]
-            towards *= (reach[middle] + width / 2) / np.sqrt(np.sum(towards**2))
+                towards[a] = points[line[first], a] / range_[first] + points[line[last], a] / range_[last]
+            towards *= (range_[middle] + width / 2) / np.sqrt(np.sum(towards**2))
             place[line[middle]] = towards
         first = k
 
@@ -108,7 +115,7 @@ def _mark_edges(
     line: IntArray, curvature: FloatArray, standing: BoolArray, count: int, limit: float,
     kind: IntArray,
 ) -> None:  # fmt: skip
-    """Mark the sharpest standing points of a sector, neighbours too: a far cone is two or three points on a line."""
+    """Mark the sharpest standing points of a sector, up to `count`. Neighbours may both be edges: a far cone has few points."""
     for _ in range(count):
         sharpest = -1
         for k in range(len(line)):
@@ -122,7 +129,7 @@ def _mark_edges(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _mark_planars(line: IntArray, curvature: FloatArray, count: int, limit: float, kind: IntArray) -> None:
-    """Mark all smooth points of a sector, and the flattest as planars, no two of these within SIDE of each other."""
+    """Mark all smooth points of a sector; up to `count` of the flattest, farther apart than HALF_WINDOW, are planar."""
     for k in range(len(line)):
         if 0 <= curvature[k] <= limit and kind[line[k]] == NEITHER:
             kind[line[k]] = SMOOTH
@@ -135,4 +142,4 @@ def _mark_planars(line: IntArray, curvature: FloatArray, count: int, limit: floa
         if flattest < 0:
             break
         kind[line[flattest]] = PLANAR
-        blocked[max(flattest - SIDE, 0) : flattest + SIDE + 1] = True
+        blocked[max(flattest - HALF_WINDOW, 0) : flattest + HALF_WINDOW + 1] = True

@@ -1,8 +1,8 @@
-"""Maps from posed scans, from weak to strong: raw bird's-eye view, log-odds with carved free space, joined barrier.
+"""Three maps from posed scans: raw bird's-eye view, log-odds with carved free space, and the barrier of joined devices.
 
-The raw view is the practice of Chen et al. 2022: what is not hit is free. The log-odds map knows free from unknown. The
-barrier forgets what was hit in too few scans to stand there, finds the devices and closes the gaps between neighbours of
-one line.
+In the bird's-eye view of Chen et al. 2022 a cell that is not hit is free. The log-odds map tells free cells from unknown ones.
+The barrier map drops cells that were hit in too few scans, finds the devices and closes the gaps between neighbours of one
+line.
 """
 
 from collections.abc import Iterable
@@ -24,24 +24,24 @@ from wzsumo.spec import Spec
 class SlamMapSpec(Spec):
     """How posed scans become maps."""
 
-    min_points: int = Field(default=1, ge=1)  # in an occupied cell of the raw view; Chen et al. 2022 project every point
+    min_points: int = Field(default=1, ge=1)  # in an occupied cell of the bird's-eye view; Chen et al. 2022 project every point
     votes: VoteSpec = VoteSpec()
     devices: DeviceSpec = DeviceSpec()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SlamMaps:
-    """The three maps over the same cells, and what the strong one was made of."""
+    """The three maps over the same cells, and the devices that the barrier map is made of."""
 
-    birds_eye: OccupancyGrid  # 1 hit, 0 everything else: the paper's reading, by which unseen cells are free
+    birds_eye: OccupancyGrid  # 1 where hit, 0 elsewhere
     log_odds: OccupancyGrid  # 0.5 where nothing was seen
     barrier: OccupancyGrid
-    devices: FloatArray  # (n, 2) centres of what was taken for a device
-    links: IntArray  # (m, 2) pairs of devices that were joined
+    devices: FloatArray  # (n, 2) [m], centres of the devices found
+    links: IntArray  # (m, 2), pairs of joined devices
 
 
 def build_maps(posed_scans: Iterable[PosedScan], spec: SlamMapSpec, *, cells: OccupancyGrid) -> SlamMaps:
-    """All maps over `cells`, whose values count for nothing, from one pass over the scans, which are not kept."""
+    """All maps over the cells of a grid, whose values are not used, from one pass over the scans, which are not kept."""
     votes = Votes(cells, spec.votes)
     for posed in posed_scans:
         votes.add(posed)

@@ -1,7 +1,7 @@
-"""What scans say of the cells of a map: hits and their heights, and log-odds of being occupied.
+"""Votes of scans on the cells of a map: hits, their heights, and the log-odds of being occupied.
 
-A ray frees the cells below it where it is low enough to have met a device (Hornung et al. 2013, OctoMap: updates, clamping,
-and the hit that wins over the passing ray).
+A ray votes for free in the cells that it crosses so low that it would have met a device; a standing point votes for occupied.
+Within one scan a hit overrules rays that pass. Updates and clamping of log-odds: Hornung et al. 2013, OctoMap.
 """
 
 import numpy as np
@@ -14,23 +14,22 @@ from wzsumo.grid import UNKNOWN, OccupancyGrid
 from wzsumo.lidar_mapping.posed_scan import PosedScan
 from wzsumo.spec import Spec
 
-IndexArray = IntArray
 CountArray = npt.NDArray[np.int32]
 SEEN_FREE, SEEN_HIT = 1, 2
 
 
 class VoteSpec(Spec):
-    """What a scan says of a cell."""
+    """How a scan votes on a cell."""
 
-    max_range_m: float = Field(default=60.0, gt=0)  # of returns that go into a map; a cone has six rays there
+    max_range_m: float = Field(default=60.0, gt=0)  # of returns that vote; a cone gets six rays there
     hit_log_odds: float = Field(default=0.85, gt=0)  # Hornung et al. 2013, p = 0.7
     miss_log_odds: float = Field(default=-0.4, lt=0)  # ibid., p = 0.4
     log_odds_limits: tuple[float, float] = (-2.0, 3.5)  # ibid., p = 0.12 and 0.97
-    carve_height_m: float = Field(default=0.4, gt=0)  # rays carve below it only: higher ones pass over a cone of 28 in
+    carve_height_m: float = Field(default=0.4, gt=0)  # rays vote for free below it; higher ones may pass over a 28 in cone
 
 
 class Votes:
-    """Counts over the cells of a map, grown scan by scan."""
+    """The votes of all scans so far, over the cells of a map."""
 
     def __init__(self, cells: OccupancyGrid, spec: VoteSpec) -> None:
         self.cells = cells
@@ -43,7 +42,7 @@ class Votes:
         self._spec = spec
 
     def add(self, posed: PosedScan) -> None:
-        """Take in one posed scan."""
+        """Add the votes of one posed scan."""
         spec, sensor, pose = self._spec, posed.sensor, np.ascontiguousarray(posed.pose)
         cloud = np.ascontiguousarray(posed.cloud)
         frame = np.array([*self.cells.origin, self.cells.resolution, spec.max_range_m])
@@ -55,19 +54,19 @@ class Votes:
 
     @property
     def p_occupied(self) -> FloatArray:
-        """Probabilities (rows, cols), UNKNOWN where nothing was seen."""
+        """Probabilities (rows, cols), UNKNOWN where no scan voted."""
         return _probability(self.log_odds)
 
     def p_without_movers(self, *, scans: int) -> FloatArray:
-        """The same with the hits taken back of cells that were hit in fewer than `scans` scans: what was there has moved on.
+        """The same without the hits in cells that were hit in fewer than `scans` scans: a moving vehicle was there.
 
-        A vehicle that follows the car hides the ground that it was last seen on, so that no ray ever frees it again.
+        A vehicle that follows the car hides the ground behind it, so that no later ray frees the cells where it was hit.
         """
         undone = self.log_odds - np.where(self.scans < scans, self.scans * self._spec.hit_log_odds, 0.0)
         return _probability(np.maximum(undone, self._spec.log_odds_limits[0]))
 
-    def _window(self, centre: FloatArray) -> IndexArray:
-        """First row, last row + 1, first column, last column + 1 of the cells that a scan can reach."""
+    def _window(self, centre: FloatArray) -> IntArray:
+        """First row, last row + 1, first column, last column + 1 of the cells that a scan from `centre` can reach."""
         reach = self._spec.max_range_m + 2 * self.cells.resolution
         rows, cols = self.cells.cell_of([centre[:2] - reach, centre[:2] + reach])
         limits = [np.clip(np.add(ends, (0, 1)), 0, size) for ends, size in zip((rows, cols), self.cells.shape, strict=True)]
@@ -75,6 +74,7 @@ class Votes:
 
 
 def _probability(log_odds: FloatArray) -> FloatArray:
+    """Probabilities of log-odds; UNKNOWN for nan."""
     return np.where(np.isnan(log_odds), UNKNOWN, 1 / (1 + np.exp(-np.nan_to_num(log_odds))))
 
 
@@ -82,10 +82,10 @@ def _probability(log_odds: FloatArray) -> FloatArray:
 def _carve(
     cloud: FloatArray, sensor: FloatArray, pose: FloatArray, frame: FloatArray, height: float, seen: npt.NDArray[np.int8]
 ) -> None:
-    """Mark the cells under each ray, from where it is lower than `height` above the car's ground to before its return.
+    """Mark cells below each ray as seen free, from where the ray is lower than `height` above the car's ground to its return.
 
-    The ray advances by half a cell; a corner that it cuts by less may be left out. Returns come column by column from the
-    lowest layer up, so that most rays run over the end of the last one, up to which all is marked already.
+    A ray is sampled every half cell, so a corner that it cuts by less may be left out. Returns come column by column from the
+    lowest layer up, so most rays pass over the end of the last ray; the cells up to there are marked already and are skipped.
     """
     rows, cols = seen.shape
     sx, sy = _in_cells(sensor, pose, frame)
@@ -116,7 +116,7 @@ def _hit(
     cloud: FloatArray, standing: BoolArray, sensor: FloatArray, pose: FloatArray, frame: FloatArray,
     count: CountArray, scans: CountArray, height: FloatArray, seen: npt.NDArray[np.int8],
 ) -> None:  # fmt: skip
-    """Ground returns mark their cell free, standing ones occupied, whatever was marked before."""
+    """Mark the cells of ground returns as seen free, then those of standing returns as hit, and count the latter."""
     rows, cols = seen.shape
     for wanted in (False, True):
         for i in range(len(cloud)):
@@ -136,15 +136,15 @@ def _hit(
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _in_cells(point: FloatArray, pose: FloatArray, frame: FloatArray) -> tuple[float, float]:
-    """Column and row, not rounded, of a point in the car's frame; `frame` = the map's corner, cell, range [m]."""
+    """Column and row, not rounded, of a point in the car's frame; `frame` = x, y of the map's corner, cell edge, range [m]."""
     x = pose[0, 0] * point[0] + pose[0, 1] * point[1] + pose[0, 2] * point[2] + pose[0, 3]
     y = pose[1, 0] * point[0] + pose[1, 1] * point[1] + pose[1, 2] * point[2] + pose[1, 3]
     return (x - frame[0]) / frame[2], (y - frame[1]) / frame[2]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _vote(seen: npt.NDArray[np.int8], odds: FloatArray, update: FloatArray, window: IndexArray) -> None:
-    """Add a scan's votes to the log-odds and take them back; `update` = miss, hit, least, most."""
+def _vote(seen: npt.NDArray[np.int8], odds: FloatArray, update: FloatArray, window: IntArray) -> None:
+    """Add a scan's votes to the log-odds and clear them; `update` = log-odds of a miss and a hit, lower and upper limit."""
     for row in range(window[0], window[1]):
         for col in range(window[2], window[3]):
             if seen[row, col] == 0:

@@ -1,30 +1,30 @@
-"""A point map that answers "which points are near?" in constant time: points kept in the cubes of a hash table."""
+"""VoxelMap: a point map that finds the points near a place in constant time, by cubes in a hash table."""
 
 import numpy as np
 from numba import njit
 
 from wzsumo.frames import FloatArray, IntArray
 
-ROOM = 20  # points a cube holds at most; a surface at a spacing of 0.3 cubes leaves 11 in it
-FIRST_CUBES = 4096
+MAX_CUBE_POINTS = 20  # a surface at a spacing of 0.3 cube edges puts 11 points into a cube. Chosen by us
+INITIAL_CUBES = 4096
 EMPTY = -1
-REACH = 1 << 20  # cubes to either side of the origin along each axis
+MAX_CUBE_INDEX = 1 << 20  # cubes on either side of the origin along each axis: 21 bits of a key
 
 
 class VoxelMap:
-    """Points of the world, no two of a cube nearer than `spacing`, in cubes of edge `cube` [m]; grows as points come."""
+    """Points in cubes of edge `cube` [m], no two of one cube nearer than `spacing` [m]; the table grows as points are added."""
 
     def __init__(self, *, cube: float, spacing: float) -> None:
         self.cube = cube
         self.spacing = spacing
         self.cubes = 0
-        self.keys: IntArray = np.full(4 * FIRST_CUBES, EMPTY, dtype=np.int64)
-        self.slots: IntArray = np.zeros(4 * FIRST_CUBES, dtype=np.int64)
-        self.counts: IntArray = np.zeros(FIRST_CUBES, dtype=np.int64)
-        self.stored: FloatArray = np.zeros((FIRST_CUBES, ROOM, 3))
+        self.keys: IntArray = np.full(4 * INITIAL_CUBES, EMPTY, dtype=np.int64)
+        self.slots: IntArray = np.zeros(4 * INITIAL_CUBES, dtype=np.int64)
+        self.counts: IntArray = np.zeros(INITIAL_CUBES, dtype=np.int64)
+        self.stored: FloatArray = np.zeros((INITIAL_CUBES, MAX_CUBE_POINTS, 3))
 
     def insert(self, points: FloatArray) -> None:
-        """Add points (n, 3); those too near to a kept one, and those of full cubes, are left out."""
+        """Add points (n, 3); points too near to a kept one and points of full cubes are left out."""
         done = 0
         while done < len(points):
             self.cubes, done = _insert(
@@ -37,13 +37,14 @@ class VoxelMap:
     @property
     def points(self) -> FloatArray:
         """All kept points (n, 3)."""
-        kept = np.arange(ROOM) < self.counts[: self.cubes, None]
+        kept = np.arange(MAX_CUBE_POINTS) < self.counts[: self.cubes, None]
         return np.asarray(self.stored[: self.cubes][kept])
 
     def __len__(self) -> int:
         return int(self.counts[: self.cubes].sum())
 
     def _grow(self) -> None:
+        """Double the number of cubes."""
         self.counts = np.concatenate([self.counts, np.zeros_like(self.counts)])
         self.stored = np.concatenate([self.stored, np.zeros_like(self.stored)])
         used = self.keys != EMPTY
@@ -55,8 +56,8 @@ class VoxelMap:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def key_of(x: int, y: int, z: int) -> int:
-    """One number for the cube at integer coordinates within REACH."""
-    return ((x + REACH) << 42) | ((y + REACH) << 21) | (z + REACH)
+    """The key of the cube at integer coordinates below MAX_CUBE_INDEX."""
+    return ((x + MAX_CUBE_INDEX) << 42) | ((y + MAX_CUBE_INDEX) << 21) | (z + MAX_CUBE_INDEX)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -75,7 +76,7 @@ def _insert(
     points: FloatArray, first: int, keys: IntArray, slots: IntArray, counts: IntArray, stored: FloatArray, cubes: int,
     size: FloatArray,
 ) -> tuple[int, int]:  # fmt: skip
-    """(cubes in use, first point that found no room for a new cube)."""
+    """(number of cubes in use, index of the first point that needs a new cube where there is none left)."""
     too_near = size[1] ** 2
     for i in range(first, len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -87,7 +88,7 @@ def _insert(
             keys[place], slots[place] = key, cubes
             cubes += 1
         slot = slots[place]
-        free = counts[slot] < ROOM
+        free = counts[slot] < MAX_CUBE_POINTS
         for k in range(counts[slot]):
             apart = (stored[slot, k, 0] - x) ** 2 + (stored[slot, k, 1] - y) ** 2 + (stored[slot, k, 2] - z) ** 2
             free = free and apart >= too_near

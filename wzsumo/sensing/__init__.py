@@ -1,1 +1,1 @@
-"""What vehicles measure: reported traces, LiDAR scans."""
+"""What vehicles measure: reported traces, LiDAR scans, and the mapping car's motion readings."""

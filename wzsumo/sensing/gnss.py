@@ -1,4 +1,7 @@
-"""What vehicles report of their own traces: positions with a GNSS error that stays, drifts and scatters, at an interval."""
+"""The traces that vehicles report: positions with a GNSS error, one at each sampling interval.
+
+On each axis the error is the sum of a bias (one value for a whole trace), a first-order Gauss-Markov process and white noise.
+"""
 
 import hashlib
 from typing import Self
@@ -12,24 +15,25 @@ from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.spec import Spec
 from wzsumo.tables import check_traces
 
-# Shares of the variance of a single-frequency fix on a road. What changes over many minutes (ionosphere, troposphere,
-# clock, ephemeris), what changes within a minute (multipath), what is new in each fix (receiver noise). Under open sky they
-# are 97, 2 and 1 % (National Research Council 1995, The Global Positioning System, Table C-1, without selective
-# availability); beside traffic and signs multipath is several times that, hence:
-BIAS_SHARE, CORRELATED_SHARE, WHITE_SHARE = 0.80, 0.15, 0.05
+# Shares of the variance of a single-frequency fix on a road. Under open sky they are 97, 2 and 1 % (National Research Council
+# 1995, The Global Positioning System, Table C-1, without selective availability). Beside traffic and signs multipath is several
+# times stronger; these three are chosen by us.
+BIAS_VARIANCE_SHARE = 0.80  # changes over many minutes: ionosphere, troposphere, clock, ephemeris
+CORRELATED_VARIANCE_SHARE = 0.15  # changes within a minute: multipath
+WHITE_VARIANCE_SHARE = 0.05  # new in each fix: receiver noise
 
 
 class GnssSpec(Spec):
     """Error of reported positions: standard deviations [m] on each of the two axes, and how often a fix is reported.
 
-    Either `error_m` in all, shared out as above, or the three parts; what is left out of the parts is 0. Without errors
-    at all: error_m = 0.
+    Give either the total `error_m`, which is split by the variance shares above, or some of the three parts; a part that is
+    left out is 0. error_m = 0 reports exact positions.
     """
 
     error_m: float | None = Field(None, ge=0, le=100)
     bias_sd_m: float | None = Field(None, ge=0, le=100)  # one value for a whole trace
     correlated_sd_m: float | None = Field(None, ge=0, le=100)  # first-order Gauss-Markov (Ornstein-Uhlenbeck)
-    correlation_time_s: float = Field(60.0, gt=0)  # the bend at 1 min in D. L. Wilson's autocorrelation of a Garmin 12XL
+    correlation_time_s: float = Field(60.0, gt=0)  # D. L. Wilson's autocorrelation of a Garmin 12XL bends at 1 min
     white_sd_m: float | None = Field(None, ge=0, le=100)
     sampling_interval_s: float = Field(1.0, ge=0.1, le=60)  # 1 Hz: the usual rate of consumer receivers
 
@@ -46,17 +50,18 @@ class GnssSpec(Spec):
     def standard_deviations_m(self) -> tuple[float, float, float]:
         """Standard deviations [m] on each axis of the bias, the correlated part and the white noise."""
         if self.error_m is not None:
-            bias, correlated, white = np.sqrt([BIAS_SHARE, CORRELATED_SHARE, WHITE_SHARE]) * self.error_m
+            shares = [BIAS_VARIANCE_SHARE, CORRELATED_VARIANCE_SHARE, WHITE_VARIANCE_SHARE]
+            bias, correlated, white = np.sqrt(shares) * self.error_m
             return float(bias), float(correlated), float(white)
         return self.bias_sd_m or 0.0, self.correlated_sd_m or 0.0, self.white_sd_m or 0.0
 
 
 def report(traces: pd.DataFrame, *, spec: GnssSpec, seed: int) -> pd.DataFrame:
-    """The trace table that vehicles report of their true `traces`: fewer fixes, x_m and y_m with errors, all else as it was.
+    """The trace table that vehicles report of their true `traces`: fewer fixes, errors in x_m and y_m, other columns exact.
 
-    A vehicle's errors and the times of its fixes depend on the seed and its id alone, not on the other vehicles, and its
-    errors not on the interval: a longer one reports part of the same fixes. Headings and speeds, which receivers get from
-    Doppler shifts, stay exact. Raises TraceError where `traces` is no trace table.
+    A vehicle's errors and the times of its fixes depend on the seed and its own id, not on the other vehicles. Its errors do
+    not depend on the sampling interval either. Headings and speeds stay exact, because receivers get them from Doppler shifts.
+    Raises TraceError where `traces` is no trace table.
     """
     table = check_traces(traces, source="traces")
     starts = np.flatnonzero(np.r_[True, table["vehicle_id"].to_numpy()[1:] != table["vehicle_id"].to_numpy()[:-1]])
@@ -74,7 +79,7 @@ def report(traces: pd.DataFrame, *, spec: GnssSpec, seed: int) -> pd.DataFrame:
 
 
 def compile_kernels() -> None:
-    """Compile or load the kernel of this module, so that the first real call does not wait."""
+    """Compile, or load from the cache, the kernel of this module."""
     _gauss_markov(np.zeros(2), 1.0, np.zeros((2, 2)))
 
 
@@ -84,8 +89,11 @@ def _generator(seed: int, vehicle_id: str) -> np.random.Generator:
 
 
 def _at_interval(time: FloatArray, *, interval_s: float, phase_s: float) -> BoolArray:
-    """First fix of every interval since the first fix plus the phase; the very first fix where no other is reached."""
-    # Times of a simulation are multiples of its step up to rounding: 1e-6 s keeps a fix in the interval it begins.
+    """Which of the fixes (n,) are reported: the first one of each interval, the intervals beginning at time[0] + phase_s.
+
+    A trace that ends before the first interval begins reports its first fix.
+    """
+    # Times of a simulation are multiples of its step up to rounding; 1e-6 of an interval keeps a fix in the interval it begins.
     number = np.floor((time - time[0] - phase_s) / interval_s + 1e-6)
     chosen = np.r_[number[0] >= 0, np.diff(number) > 0]
     chosen[0] |= not chosen.any()

@@ -1,43 +1,44 @@
-"""Which azimuth columns of a turn each solid can be hit from, while the sensor moves."""
+"""In which azimuth columns of a turn the rays can hit each solid, while the sensor moves."""
 
 import numpy as np
 from numba import njit
 
 from wzsumo.frames import FloatArray, IntArray
 
-PAD_RAD = 1e-6
+ANGLE_MARGIN_RAD = 1e-6  # against rounding
 
 
 def columns_touched(spheres: FloatArray, poses: FloatArray, azimuth: FloatArray) -> tuple[IntArray, IntArray]:
-    """First and last column (n,) that a sphere can touch while the sensor moves; last may exceed the count: it wraps.
+    """First and last column (n,) whose rays can touch each of the bounding spheres (n, 4): x, y, z, radius [m].
 
-    The sphere's bearing is taken at the start, the middle and the end of the turn. The sensor moves almost straight in
-    between, so that its bearing sweeps between these; the half width is that of the nearest approach.
+    The last column may exceed the number of columns; it then wraps around. `poses` (columns, 4, 4) are the sensor's, one for
+    each azimuth (columns,) [rad]. A sphere's bearing is computed at the start, the middle and the end of the turn. The sensor
+    moves almost straight, so the bearing sweeps between these three; the half width is that at the nearest approach.
     """
     count = len(azimuth)
-    bearing, reach = [], []
+    bearing, range_ = [], []
     for pose in (poses[0], poses[count // 2], poses[-1]):
         local = (spheres[:, :3] - pose[:3, 3]) @ pose[:3, :3]
         bearing.append(np.arctan2(local[:, 1], local[:, 0]))
-        reach.append(np.hypot(local[:, 0], local[:, 1]))
+        range_.append(np.hypot(local[:, 0], local[:, 1]))
     travelled = float(np.linalg.norm(poses[-1, :3, 3] - poses[0, :3, 3]))
-    nearest = np.min(reach, axis=0) - travelled / 4  # between two of the three the sensor is at most this much nearer
-    around = nearest <= spheres[:, 3] * 1.01
-    half = np.arcsin(np.clip(spheres[:, 3] / np.where(around, 1.0, nearest), 0, 1)) + PAD_RAD
+    nearest = np.min(range_, axis=0) - travelled / 4  # between two of the three poses the sensor is at most this much nearer
+    inside = nearest <= spheres[:, 3] * 1.01  # the sensor may be inside the sphere: every column touches it
+    half = np.arcsin(np.clip(spheres[:, 3] / np.where(inside, 1.0, nearest), 0, 1)) + ANGLE_MARGIN_RAD
     offset = [np.mod(b - bearing[0] + np.pi, 2 * np.pi) - np.pi for b in bearing]
-    # A bearing sweeps by less than half a turn, but 1/4 of the way's chord may lie outside the three samples' hull.
+    # Between the three samples a bearing may exceed them by a quarter of what it turns from one to the next.
     swing = np.max(np.abs(np.diff(offset, axis=0)), axis=0) / 4
     low, high = np.min(offset, axis=0) - swing - half, np.max(offset, axis=0) + swing + half
     step = 2 * np.pi / count
     start = np.mod(bearing[0] + low - azimuth[0], 2 * np.pi) / step
     first = np.floor(start).astype(np.int64)
     last = np.ceil(start + (high - low) / step).astype(np.int64)
-    whole = around | (last - first >= count)
+    whole = inside | (last - first >= count)
     return np.where(whole, 0, first), np.where(whole, count - 1, last)
 
 
 def sorted_into_columns(first: IntArray, last: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """(start (count + 1,), members): the solids of column j are members[start[j]:start[j + 1]]."""
+    """(start (count + 1,), members): the solids that column j can touch are members[start[j] : start[j + 1]]."""
     count_of = np.zeros(count + 1, dtype=np.int64)
     _count_columns(first, last, count_of)
     start = np.cumsum(count_of)
@@ -48,7 +49,7 @@ def sorted_into_columns(first: IntArray, last: IntArray, count: int) -> tuple[In
 
 @njit(cache=True, error_model="numpy")
 def _count_columns(first: IntArray, last: IntArray, count_of: IntArray) -> None:
-    """Count the solids of column j in count_of[j + 1]."""
+    """Add the number of solids of column j to count_of[j + 1]."""
     for solid in range(len(first)):
         for column in range(first[solid], last[solid] + 1):
             count_of[column % (len(count_of) - 1) + 1] += 1
@@ -56,7 +57,7 @@ def _count_columns(first: IntArray, last: IntArray, count_of: IntArray) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _fill_columns(first: IntArray, last: IntArray, place: IntArray, members: IntArray) -> None:
-    """Write each solid to the next free place of its columns."""
+    """Write the index of each solid to the next free place of each of its columns."""
     for solid in range(len(first)):
         for column in range(first[solid], last[solid] + 1):
             j = column % (len(place) - 1)

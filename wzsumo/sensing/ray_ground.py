@@ -1,20 +1,23 @@
-"""Where rays meet the uneven ground."""
+"""Where rays meet the ground and its relief."""
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
 from wzsumo.frames import FloatArray
+from wzsumo.scan import GROUND
 from wzsumo.sensing.ground import Ground
 from wzsumo.sensing.ray_solids import direction
 
-FLATTEST = 1e-4  # rays that approach the plane by less than this slope meet it beyond any range
-SURFACE_M = 5e-4  # a ray that is this near to the relief has met it
-MAX_MARCH = 64
+MIN_APPROACH = 1e-4  # metres by which a ray must approach the plane per metre; flatter rays meet it beyond any range
+HIT_TOLERANCE_M = 5e-4  # a point of a ray that is this near to the relief is on it; a fortieth of the range noise
+STEP_SHARE = 0.7  # of the step that would reach the ground if it were flat; longer steps skip crests. Chosen by us
+MIN_STEP_M = 0.05  # a step at least; a fifth of the relief's node spacing. Chosen by us
+MAX_STEPS = 64  # for one ray
 
 
 def surface_of(ground: Ground) -> tuple[npt.NDArray[np.float32], FloatArray]:
-    """The relief and, for kernels: level, slopes, origin, node, lowest and highest of the relief."""
+    """The ground for kernels: the relief; level, two slopes, origin x and y, node, lowest and highest relief."""
     return ground.relief, np.array([ground.level, *ground.slope, *ground.origin, ground.node, *ground.extremes])
 
 
@@ -23,12 +26,16 @@ def meet_ground(
     pose: FloatArray, azimuth: FloatArray, elevation: FloatArray,
     relief: npt.NDArray[np.float32], surface: FloatArray, distance: FloatArray, object_id: npt.NDArray[np.int32],
 ) -> None:  # fmt: skip
-    """Steps along each ray by most of its height above the relief below it; false position between above and below."""
+    """Lower `distance` (layers,) and set `object_id` (layers,) where a ray meets the ground before what it has met so far.
+
+    A ray is followed from the height of the highest relief. Each step is most of the way that the gap to the relief below would
+    take on flat ground. Once a step ends below the relief, the crossing is found by false position.
+    """
     above_plane = pose[2, 3] - surface[0] - surface[1] * pose[0, 3] - surface[2] * pose[1, 3]
     for layer in range(len(elevation)):
         dx, dy, dz = direction(pose, azimuth, elevation[layer])
         fall = surface[1] * dx + surface[2] * dy - dz
-        if fall < FLATTEST:
+        if fall < MIN_APPROACH:
             continue
         before = max((above_plane - surface[7]) / fall, 0.0)
         if before > distance[layer]:
@@ -37,18 +44,18 @@ def meet_ground(
             above_plane - fall * before - _relief_at(relief, surface, pose[0, 3] + before * dx, pose[1, 3] + before * dy)
         )
         t, gap = before, gap_before
-        for _ in range(MAX_MARCH):
-            if abs(gap) < SURFACE_M or before > distance[layer]:
+        for _ in range(MAX_STEPS):
+            if abs(gap) < HIT_TOLERANCE_M or before > distance[layer]:
                 break
             if gap > 0:
                 before, gap_before = t, gap
-                t += max(0.7 * gap / fall, 0.05) if surface[7] > surface[6] else gap / fall
+                t += max(STEP_SHARE * gap / fall, MIN_STEP_M) if surface[7] > surface[6] else gap / fall
             else:
                 share = gap_before / (gap_before - gap)
                 middle = before + share * (t - before)
                 level = above_plane - fall * middle
                 between = level - _relief_at(relief, surface, pose[0, 3] + middle * dx, pose[1, 3] + middle * dy)
-                if between > SURFACE_M:
+                if between > HIT_TOLERANCE_M:
                     before, gap_before = middle, between
                 else:
                     t, gap = middle, between
@@ -56,11 +63,12 @@ def meet_ground(
             gap = above_plane - fall * t - _relief_at(relief, surface, pose[0, 3] + t * dx, pose[1, 3] + t * dy)
         if t < distance[layer]:
             distance[layer] = t
-            object_id[layer] = 0
+            object_id[layer] = GROUND
 
 
 @njit(cache=True, error_model="numpy")
 def _relief_at(relief: npt.NDArray[np.float32], surface: FloatArray, x: float, y: float) -> float:
+    """The relief [m] at (x, y), as in `Ground.height`."""
     rows, cols = relief.shape
     u = min(max((x - surface[3]) / surface[5], 0.0), cols - 1.0)
     v = min(max((y - surface[4]) / surface[5], 0.0), rows - 1.0)

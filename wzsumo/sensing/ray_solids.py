@@ -1,4 +1,4 @@
-"""Solids that a ray meets exactly: where it hits a frustum or a box, and the sphere around each."""
+"""Where a ray hits a frustum or a box, in closed form, and the bounding spheres of both."""
 
 import numpy as np
 from numba import njit
@@ -7,20 +7,20 @@ from wzsumo.frames import FloatArray
 
 
 def spheres_of_frusta(frusta: FloatArray) -> FloatArray:
-    """Bounding spheres (n, 4): about the middle of the axis, out to the wider rim."""
+    """Bounding spheres (n, 4), x, y, z, radius [m]: about the middle of the axis, out to the wider rim."""
     half = frusta[:, 6] / 2
     centre = frusta[:, :3] + half[:, None] * frusta[:, 3:6]
     return np.column_stack([centre, np.hypot(half, np.maximum(frusta[:, 7], frusta[:, 8])) + 1e-6])
 
 
 def spheres_of_boxes(boxes: FloatArray) -> FloatArray:
-    """Bounding spheres (n, 4): about the centre, out to the corners."""
+    """Bounding spheres (n, 4), x, y, z, radius [m]: about the centre, out to the corners."""
     return np.column_stack([boxes[:, :3], np.linalg.norm(boxes[:, 3:6], axis=1) + 1e-6])
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def direction(pose: FloatArray, azimuth: FloatArray, elevation: FloatArray) -> tuple[float, float, float]:
-    """Unit vector of a ray in the world; `azimuth` and `elevation` begin with cos, sin."""
+    """Unit vector of a ray in the world frame; `azimuth` and `elevation` hold cos and sin of the sensor's angles."""
     x, y, z = elevation[0] * azimuth[0], elevation[0] * azimuth[1], elevation[1]
     return (
         pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z,
@@ -31,10 +31,10 @@ def direction(pose: FloatArray, azimuth: FloatArray, elevation: FloatArray) -> t
 
 @njit(cache=True, error_model="numpy")
 def frustum_distance(pose: FloatArray, dx: float, dy: float, dz: float, frustum: FloatArray) -> float:
-    """Distance to the mantle or an end disk, inf for a miss.
+    """Distance [m] to the mantle or an end disk of a frustum, inf for a miss.
 
-    A point is on the mantle where its distance from the axis equals foot + k h, h its height along the axis: with
-    h = ao + t ad that is a quadratic in t.
+    The mantle's points have the distance foot + k h from the axis at height h along it. With h = ao + t ad this is a quadratic
+    equation in the distance t along the ray.
     """
     ox, oy, oz = pose[0, 3] - frustum[0], pose[1, 3] - frustum[1], pose[2, 3] - frustum[2]
     ax, ay, az, height, foot, top = frustum[3], frustum[4], frustum[5], frustum[6], frustum[7], frustum[8]
@@ -63,7 +63,7 @@ def frustum_distance(pose: FloatArray, dx: float, dy: float, dz: float, frustum:
 
 @njit(cache=True, error_model="numpy")
 def box_distance(pose: FloatArray, dx: float, dy: float, dz: float, box: FloatArray) -> float:
-    """Distance to an upright box (slabs), inf for a miss or a sensor inside it."""
+    """Distance [m] to an upright box (slab method), inf for a miss or a sensor inside the box."""
     ox, oy, oz = pose[0, 3] - box[0], pose[1, 3] - box[1], pose[2, 3] - box[2]
     entry, leave = 0.0, np.inf
     for axis in range(3):

@@ -1,6 +1,6 @@
-"""The scene of a LiDAR: ground, devices, guardrail, poles and the vehicles of one moment, as solids a ray can meet exactly.
+"""The scene of a LiDAR: ground, devices, guardrail, poles and the vehicles of one moment, as solids of closed form.
 
-A cone or drum is a frustum of a circular cone about any axis, so that it may also lean or lie; everything else is a box.
+Cones, drums and poles are frustums of circular cones about any axis, so that they can also lean or lie. All else is boxes.
 """
 
 from dataclasses import dataclass, replace
@@ -19,24 +19,26 @@ from wzsumo.spec import Spec
 from wzsumo.units import METRES_PER_INCH
 from wzsumo.work_zone import WorkZoneLayout
 
-CONE_TOP_RADIUS_M = 1.5 * METRES_PER_INCH  # rounded tip of a 36 in cone, about 3 in wide; makers' drawings
+CONE_TOP_RADIUS_M = 1.5 * METRES_PER_INCH  # tip of a 36 in cone, some 3 in wide; makers' drawings
 FRUSTUM_COLUMNS = 9  # x, y, z of the foot; unit axis; height; radius at the foot; radius at the top
 BOX_COLUMNS = 8  # x, y, z of the centre; half length, half width, half height; cos and sin of the heading
-BURIED_M = 0.1  # solids reach this far below the ground, so that no gap opens on a slope
-CAR_HEIGHT_M, TRUCK_HEIGHT_M = 1.5, 3.5  # SUMO vClass "passenger" and "trailer" (4.0 with load), docs "Vehicle Type Defaults"
-TRUCK_LENGTH_M = 7.0  # SUMO's class "truck" is 7.1 m long, "delivery" 6.5 m, ibid.
-CLEARANCE_M = 0.2  # under a vehicle
+BURIED_M = 0.1  # that poles, rails and walls reach below the ground, so that no gap opens on a slope
+CAR_HEIGHT_M = 1.5  # SUMO docs, "Vehicle Type Defaults", class "passenger"
+TRUCK_HEIGHT_M = 3.5  # chosen by us; ibid., class "truck" is 2.4 m high, "trailer" 4.0 m
+MIN_TRUCK_LENGTH_M = 7.0  # shorter vehicles are cars; ibid., class "truck" is 7.1 m long, "delivery" 6.5 m
+GROUND_CLEARANCE_M = 0.2  # under a vehicle's body; chosen by us
+POLE_HEIGHT_M, POLE_RADIUS_M = 2.1, 0.05  # 7 ft to the bottom of a sign, MUTCD 2A.15; 4 in posts
 
 
 class DeviceFaults(Spec):
-    """Shares of the devices that do not stand as laid out."""
+    """Which share of the devices does not stand as laid out."""
 
-    set_up_every: int = Field(default=1, ge=1)  # of the devices of the layout only every n-th one stands: a sparse set-up
-    missing_share: float = Field(default=0.0, ge=0, le=1)  # of those set up, as the shares below
+    set_up_every: int = Field(default=1, ge=1)  # only every n-th device of the layout is set up
+    missing_share: float = Field(default=0.0, ge=0, le=1)  # of the devices set up; likewise the shares below
     tilted_share: float = Field(default=0.0, ge=0, le=1)
     lying_share: float = Field(default=0.0, ge=0, le=1)
-    tilt_deg: float = Field(default=20.0, gt=0, lt=60)  # how far a tilted device leans; an assumption
-    seed: int = Field(default=0, ge=0)  # which ones, and to which side
+    tilt_deg: float = Field(default=20.0, gt=0, lt=60)  # how far a tilted device leans; chosen by us
+    seed: int = Field(default=0, ge=0)  # which devices are struck, and the side they lean to
 
     @model_validator(mode="after")
     def _shares_leave_no_device_twice(self) -> Self:
@@ -56,17 +58,17 @@ class SceneSpec(Spec):
     guardrail: Literal["none", "left", "right", "both"] = "none"
     guardrail_offset_m: float = Field(default=0.6, ge=0)  # beyond the pavement's edge: 2 ft shy line, AASHTO RDG Table 5-7
     post_spacing_m: float = Field(default=1.905, gt=0)  # 6 ft 3 in, W-beam of the Midwest Guardrail System
-    pole_spacing_m: float = Field(
-        default=60.0, ge=0
-    )  # delineators and sign posts on both verges; 0: none; MUTCD 3G.04: 200..530 ft
-    pole_offset_m: float = Field(default=3.0, ge=0)  # beyond the pavement's edge
+    # Delineators and sign posts on both verges; 0: none. MUTCD 3G.04: 200 to 530 ft.
+    pole_spacing_m: float = Field(default=60.0, ge=0)
+    pole_offset_m: float = Field(default=3.0, ge=0)  # beyond the pavement's edge; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """Ground and solids in the world frame. Object ids count from 1: frusta first, then boxes; `kinds` names them in order.
+    """Ground and solids in the world frame.
 
-    `device_id` (n_devices,) is the object id of each device of the layout, 0 for a missing one.
+    Object ids count from 1, frusta first, then boxes; `kinds` names them in that order. `device_id` (n_devices,) is the object
+    id of each device of the layout, 0 for a missing one.
     """
 
     ground: Ground
@@ -77,14 +79,14 @@ class Scene:
 
 
 def scene_of(layout: WorkZoneLayout, spec: SceneSpec, *, seed: int) -> Scene:
-    """The scene of a layout without vehicles; `seed` draws the ground's unevenness, the faults have their own."""
+    """The scene of a layout without vehicles. `seed` decides the ground's unevenness; faults have their own seed."""
     return road_scene(layout.road, layout.devices, spec, seed=seed)
 
 
 def road_scene(road: Road, devices: pd.DataFrame, spec: SceneSpec, *, seed: int) -> Scene:
-    """The scene of a road with any devices (columns kind, x_m, y_m, height_m, radius_m).
+    """The scene of a road with given devices (columns kind, x_m, y_m, height_m, radius_m; length_m and heading_rad for walls).
 
-    Those with a length_m above 0, pieces of barrier, are boxes along heading_rad.
+    Devices with a length_m above 0 are pieces of barrier: boxes along heading_rad. All others are frustums.
     """
     ground = ground_of(road, spec.ground, seed=seed)
     long = devices["length_m"].to_numpy() > 0 if "length_m" in devices else np.zeros(len(devices), dtype=bool)
@@ -103,23 +105,25 @@ def road_scene(road: Road, devices: pd.DataFrame, spec: SceneSpec, *, seed: int)
 
 
 def with_vehicles(scene: Scene, vehicles: pd.DataFrame) -> Scene:
-    """The scene with boxes for vehicles: x_m, y_m of their CENTRE, heading_rad, length_m, width_m, and height_m where known."""
+    """The scene with a box per vehicle: x_m, y_m of its CENTRE, heading_rad, length_m, width_m, height_m where given."""
     needed = ("x_m", "y_m", "heading_rad", "length_m", "width_m")
     missing = [name for name in needed if name not in vehicles.columns]
     if missing:
         raise InputError(f"vehicles: column(s) {', '.join(missing)} missing; a LiDAR scene needs {', '.join(needed)}")
     x, y, heading, length, width = vehicles[list(needed)].to_numpy(dtype=float).T
-    height = np.where(length < TRUCK_LENGTH_M, CAR_HEIGHT_M, TRUCK_HEIGHT_M)
+    height = np.where(length < MIN_TRUCK_LENGTH_M, CAR_HEIGHT_M, TRUCK_HEIGHT_M)
     if "height_m" in vehicles.columns:
         height = vehicles["height_m"].to_numpy(dtype=float)
     z = scene.ground.height(np.column_stack([x, y]))
-    half = (height - CLEARANCE_M) / 2
-    boxes = np.column_stack([x, y, z + CLEARANCE_M + half, length / 2, width / 2, half, np.cos(heading), np.sin(heading)])
+    half = (height - GROUND_CLEARANCE_M) / 2
+    boxes = np.column_stack(
+        [x, y, z + GROUND_CLEARANCE_M + half, length / 2, width / 2, half, np.cos(heading), np.sin(heading)]
+    )
     return replace(scene, boxes=np.vstack([scene.boxes, boxes]), kinds=(*scene.kinds, *["vehicle"] * len(boxes)))
 
 
 def _device_frusta(devices: pd.DataFrame, ground: Ground, faults: DeviceFaults) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-    """(frusta of the devices that are there, their rows in the table)."""
+    """(frusta of the devices that are not missing, their rows in the table)."""
     n = len(devices)
     rng = np.random.default_rng(faults.seed)
     fate, side = rng.random(n), rng.uniform(-np.pi, np.pi, n)
@@ -129,7 +133,7 @@ def _device_frusta(devices: pd.DataFrame, ground: Ground, faults: DeviceFaults) 
     xy = devices[["x_m", "y_m"]].to_numpy(dtype=float)
     height, foot = devices["height_m"].to_numpy(dtype=float), devices["radius_m"].to_numpy(dtype=float)
     top = np.where(devices["kind"].astype(str) == "drum", foot, np.minimum(CONE_TOP_RADIUS_M, foot))
-    # A lying frustum touches the ground along its side: its axis dips by the half angle of the cone.
+    # A lying frustum touches the ground along its side, so its axis points below the horizontal by the half angle of the cone.
     half_angle = np.arctan2(foot - top, height)
     lean = np.where(lying, np.pi / 2 + half_angle, np.where(tilted, np.deg2rad(faults.tilt_deg), 0.0))
     axis = np.column_stack([np.sin(lean) * np.cos(side), np.sin(lean) * np.sin(side), np.cos(lean)])
@@ -141,7 +145,7 @@ def _device_frusta(devices: pd.DataFrame, ground: Ground, faults: DeviceFaults) 
 
 
 def _walls(pieces: pd.DataFrame, ground: Ground) -> FloatArray:
-    """Boxes of pieces of barrier, upright and as wide as at their foot."""
+    """Boxes of pieces of barrier: upright, as wide all the way up as at their foot."""
     if pieces.empty:
         return np.empty((0, BOX_COLUMNS))
     columns = ["x_m", "y_m", "heading_rad", "length_m", "radius_m", "height_m"]
@@ -152,19 +156,21 @@ def _walls(pieces: pd.DataFrame, ground: Ground) -> FloatArray:
 
 
 def _poles(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
+    """Frusta of the poles on both verges; those on the left are shifted by a third of the spacing."""
     if spec.pole_spacing_m == 0:
         return np.empty((0, FRUSTUM_COLUMNS))
     s = np.arange(spec.pole_spacing_m / 2, road.length, spec.pole_spacing_m)
     right = road.to_xy(s, -road.right_shoulder - spec.pole_offset_m)
-    left = road.to_xy(s + spec.pole_spacing_m / 3, road.left_edge + spec.pole_offset_m)  # not opposite each other
+    left = road.to_xy(s + spec.pole_spacing_m / 3, road.left_edge + spec.pole_offset_m)
     xy = np.vstack([right, left])
-    size = np.tile([0.0, 0.0, 1.0, 2.1 + BURIED_M, 0.05, 0.05], (len(xy), 1))  # 7 ft to a sign, MUTCD 2A.15; 4 in posts
+    size = np.tile([0.0, 0.0, 1.0, POLE_HEIGHT_M + BURIED_M, POLE_RADIUS_M, POLE_RADIUS_M], (len(xy), 1))
     return np.column_stack([xy, ground.height(xy) - BURIED_M, size])
 
 
 def _guardrail(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
-    """Boxes: one beam and one post a spacing, behind it. W-beam: 312 mm deep, top at 31 in; 8 in blocks; posts 150 mm.
+    """Boxes of a guardrail: for each post spacing a piece of beam and, behind it, a post.
 
+    The W-beam is 312 mm high with its top at 31 in; blocks are 8 in deep, posts 150 mm wide.
     Source: AASHTO Roadside Design Guide, ch. 5, Midwest Guardrail System.
     """
     boxes = [np.empty((0, BOX_COLUMNS))]
@@ -177,11 +183,11 @@ def _guardrail(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
         chord = np.diff(ends, axis=0)
         heading, length = np.arctan2(chord[:, 1], chord[:, 0]), np.hypot(*chord.T)
         middles = (ends[1:] + ends[:-1]) / 2
-        rail_top, depth = 31 * METRES_PER_INCH, 0.312
+        rail_top, beam_height = 31 * METRES_PER_INCH, 0.312
         columns = (np.cos(heading), np.sin(heading))
         size = np.ones(len(middles))
-        z = ground.height(middles) + rail_top - depth / 2
-        boxes.append(np.column_stack([middles, z, length / 2, 0.04 * size, depth / 2 * size, *columns]))
+        z = ground.height(middles) + rail_top - beam_height / 2
+        boxes.append(np.column_stack([middles, z, length / 2, 0.04 * size, beam_height / 2 * size, *columns]))
         post_height = rail_top + BURIED_M
         behind = np.copysign(0.04 + 8 * METRES_PER_INCH + 0.1, offsets[side])
         feet = road.to_xy(s[1:], np.full(len(s) - 1, offsets[side] + behind))

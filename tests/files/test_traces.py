@@ -1,0 +1,41 @@
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from builders import straight_traces
+
+from wzsumo.errors import TraceError
+from wzsumo.files.traces import read_fixes, read_traces
+
+TRACES = straight_traces([0.0, 3.5])
+
+
+def test_traces_come_back_from_both_formats(tmp_path: Path) -> None:
+    TRACES.to_parquet(tmp_path / "a.parquet")
+    TRACES.to_csv(tmp_path / "a.csv", index=False)
+    pd.testing.assert_frame_equal(read_traces(tmp_path / "a.parquet"), read_traces(tmp_path / "a.csv"))
+    assert len(read_traces(tmp_path / "a.csv")) == len(TRACES)
+
+
+def test_fixes_are_read_as_they_are_and_only_traces_are_checked(tmp_path: Path) -> None:
+    TRACES.drop(columns="y_m").to_csv(tmp_path / "a.csv", index=False)
+    assert "y_m" not in read_fixes(tmp_path / "a.csv")
+    with pytest.raises(TraceError, match="y_m missing"):
+        read_traces(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "part"),
+    [
+        ("a.txt", b"", "ends in .parquet or .csv"),
+        ("a.csv", b"", "cannot be read as a trace table"),
+        ("a.parquet", b"not parquet", "cannot be read as a trace table"),
+        ("a.csv", None, "no such file"),
+    ],
+)
+def test_file_that_holds_no_table_is_refused_with_its_path(tmp_path: Path, name: str, content: bytes | None, part: str) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(TraceError, match=part) as error:
+        read_fixes(tmp_path / name)
+    assert str(tmp_path / name) in str(error.value)
