@@ -8,6 +8,7 @@ import argparse
 import statistics
 import time
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,11 +17,12 @@ from wzsumo.crowd_mapping.mixture.expectation_maximisation import Components, ru
 from wzsumo.crowd_mapping.mixture.mixture import mixture_of
 from wzsumo.crowd_mapping.mixture.point_blocks import block_points
 from wzsumo.crowd_mapping.mixture.selection import sweep_mixtures
+from wzsumo.frames import FloatArray
 
 ITERATIONS = 10
 
 
-def zone_points(traces, *, seed):
+def zone_points(traces: int, *, seed: int) -> FloatArray:
     """Points of traces over 657 m: half start in a lane that merges right, then all shift right by 3 m."""
     random = np.random.default_rng(seed)
     points = []
@@ -35,7 +37,7 @@ def zone_points(traces, *, seed):
     return np.vstack(points)
 
 
-def seconds(work, *, runs):
+def seconds(work: Callable[[], object], *, runs: int) -> float:
     taken = []
     for _ in range(runs):
         begun = time.perf_counter()
@@ -44,7 +46,7 @@ def seconds(work, *, runs):
     return statistics.median(taken)
 
 
-def iteration_row(traces, k):
+def iteration_row(traces: int, k: int) -> None:
     from sklearn.mixture import GaussianMixture
 
     points = zone_points(traces, seed=traces)
@@ -67,7 +69,7 @@ def iteration_row(traces, k):
     )
 
 
-def sweep_row(traces, *, full):
+def sweep_row(traces: int, *, full: bool) -> None:
     points = zone_points(traces, seed=traces)
     ours = seconds(lambda: sweep_mixtures(points, k_max=30), runs=5)
     best = sweep_mixtures(points, k_max=30).best("bic")
@@ -81,7 +83,7 @@ def sweep_row(traces, *, full):
     print(line)
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--full", action="store_true", help="let scikit-learn sweep as well (minutes)")
     full = parser.parse_args().full

@@ -1,6 +1,7 @@
 """What missing, tilted, lying and sparse devices, poor detection and fog do to the strongest LiDAR map, and to the drive on it.
 
-    python analysis/lidar_faults.py [--seeds 61 62 63] [--rate-hz 5] [--out results/lidar_faults] [--doc docs/lidar_baseline.md]
+    python analysis/drives/lidar_faults.py [--seeds 61 62 63] [--rate-hz 5] [--out results/lidar_faults]
+        [--doc docs/results/lidar_baseline.md]
 
 One SUMO fleet a seed; for each fault one mapping drive, one plan on map (c), one drive along it through the traffic. Rows are
 written as they come, and what is there already is not run again; table.md and figure.png lie beside them. Half the scans of
@@ -10,8 +11,10 @@ the default sensor (10 Hz) halve the time; a device is still in ten scans and mo
 import argparse
 import sys
 import tempfile
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -25,14 +28,14 @@ from wzsumo.case.watch import Watch
 from wzsumo.case.zone import SimulatedZone
 from wzsumo.ego import Outcome
 from wzsumo.lidar_mapping import slam_map
-from wzsumo.scenario.scenario import load_scenario
+from wzsumo.scenario.scenario import Scenario, load_scenario
 from wzsumo.scenario.sections import SlamSpec
-from wzsumo.scenario.site import prepare_site
+from wzsumo.scenario.site import Site, prepare_site
 from wzsumo.sensing import raycast
-from wzsumo.simulation.files import write_sumo_files
+from wzsumo.simulation.files import SumoFiles, write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
 
-FAULTS = {
+FAULTS: dict[str, dict[str, float]] = {
     "none": {},
     "10 % missing": {"missing_share": 0.1},
     "30 % missing": {"missing_share": 0.3},
@@ -62,14 +65,16 @@ PANELS = {
 }
 
 
-def spec_with(fault, *, seed, rate_hz):
+def spec_with(fault: Mapping[str, float], *, seed: int, rate_hz: float) -> SlamSpec:
     """The default mapping drive with one fault; the seed draws which devices it strikes."""
     seeing = {key: value for key, value in fault.items() if key in {"detected_share", "visibility_m"}}
     devices = {key: value for key, value in fault.items() if key not in seeing}
     return SlamSpec.model_validate({"scene": {"faults": devices | {"seed": seed}}, "lidar": {"rate_hz": rate_hz} | seeing})
 
 
-def row_of(name, scenario, site, files, fleet, *, rate_hz):
+def row_of(
+    name: str, scenario: Scenario, site: Site, files: SumoFiles, fleet: pd.DataFrame, *, rate_hz: float
+) -> dict[str, Any]:
     case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], seed=scenario.seed, rate_hz=rate_hz)})
     zone = SimulatedZone(
         over_zone=traces_over_zone(fleet, site.layout), whole_fleet=lambda: fleet, sumo_files=lambda: nullcontext(files)
@@ -96,7 +101,7 @@ def row_of(name, scenario, site, files, fleet, *, rate_hz):
     }
 
 
-def run_seed(seed, given, done):
+def run_seed(seed: int, given: argparse.Namespace, done: pd.DataFrame) -> None:
     left = [name for name in FAULTS if not ((done["fault"] == name) & (done["seed"] == seed)).any()]
     if not left:
         return
@@ -111,7 +116,7 @@ def run_seed(seed, given, done):
             print(f"seed {seed}, {name}: {row['driven_outcome']}", file=sys.stderr)
 
 
-def table_of(rows):
+def table_of(rows: pd.DataFrame) -> str:
     """Markdown: means over the seeds, and how many of the plans and drives went well."""
     columns = ["fault", "n", "devices found", "gaps closed", "IoU [least, most]", "path in closed area"]
     columns += ["plan touches nothing", "drive reached the goal"]
@@ -132,7 +137,7 @@ def table_of(rows):
     return "\n".join(lines) + "\n"
 
 
-def draw(rows):
+def draw(rows: pd.DataFrame) -> Figure:
     """A dot a seed, by fault and by how the drive ended."""
     figure = Figure(figsize=(10.5, 4.6), dpi=150, layout="constrained")
     panels = figure.subplots(1, len(PANELS), sharey=True)
@@ -156,7 +161,7 @@ def draw(rows):
     return figure
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenario", type=Path, default=Path("scenarios/paper.toml"))
     parser.add_argument("--seeds", type=int, nargs="+", default=[61, 62, 63])

@@ -102,6 +102,14 @@ def test_fit_whose_last_step_is_longer_than_a_centimetre_has_not_converged(offse
     assert fit.converged == converged
 
 
+def test_steps_go_on_until_they_are_shorter_than_a_hundredth_of_a_millimetre() -> None:
+    points = cube_of_points(300)
+    truth = rigid(rotation_from_rpy([0.1, -0.2, 0.3]), [0.3, 0.2, 0.1])
+    matcher = FixedMatcher(features=points, centre=moved(points, truth), dimension=3)
+    fit = align([matcher], np.eye(4), prior_information=FREE, radii=(1.0,), max_steps=20)
+    np.testing.assert_allclose(fit.pose, truth, atol=1e-9)
+
+
 def test_outliers_hardly_move_the_pose() -> None:
     points = cube_of_points(300)
     target = points + 0.01 * np.random.default_rng(3).standard_normal(points.shape)

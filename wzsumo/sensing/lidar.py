@@ -13,9 +13,9 @@ from pydantic import Field, model_validator
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 from wzsumo.rigid import rigid, rotation_from_rpy
-from wzsumo.scan import NO_RETURN, LidarScan
+from wzsumo.scan import LidarScan
 from wzsumo.sensing.ground import Ground
-from wzsumo.sensing.raycast import cast_rays
+from wzsumo.sensing.raycast import NO_RETURN, cast_rays
 from wzsumo.sensing.scene import Scene, with_vehicles
 from wzsumo.spec import Spec
 

@@ -13,12 +13,13 @@ import numpy.typing as npt
 from numba import njit
 
 from wzsumo.frames import FloatArray, IntArray
-from wzsumo.scan import NO_RETURN
 from wzsumo.sensing.ground import flat_ground
 from wzsumo.sensing.ray_columns import columns_touched, sorted_into_columns
 from wzsumo.sensing.ray_ground import meet_ground, surface_of
 from wzsumo.sensing.ray_solids import box_distance, direction, frustum_distance, spheres_of_boxes, spheres_of_frusta
 from wzsumo.sensing.scene import Scene
+
+NO_RETURN = -1  # in place of an object id, where a ray meets neither a solid nor the ground within range
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
