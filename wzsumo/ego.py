@@ -1,4 +1,4 @@
-"""The ego vehicle: its state, the command it gets, its run and how the run ended."""
+"""The ego vehicle: its state, the command that it gets, its leader, its run and how the run ended."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -42,7 +42,7 @@ class EgoState:
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """What the controllers send to the vehicle: throttle and brake in [0, 1], front-wheel steering angle [rad]."""
+    """What the controller sends to the vehicle: throttle and brake in [0, 1], front-wheel steering angle [rad]."""
 
     throttle: float
     brake: float
@@ -54,18 +54,18 @@ class Replan:
     """What came of a map that reached the ego while it drove."""
 
     time_s: float  # simulated
-    station_m: float  # on the path so far, from where on the new one is followed
+    station_m: float  # on the path until then, where the new one begins
     status: str  # of the plan
     reason: str  # one sentence, empty where a path was found
-    plan_ms: float
+    plan_ms: float  # that planning took
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EgoRun:
-    """The driven run: a log with `tables.EGO_LOG_COLUMNS`, one row a control step, and its outcome.
+    """The driven run: its log with `tables.EGO_LOG_COLUMNS`, one row a control step, and its outcome.
 
-    `traffic` and `followers` are trace tables with all columns: the vehicles near the ego ten times a second, and all on the
-    road once a second.
+    `traffic` and `followers` are trace tables with all columns: the vehicles near the ego ten times a second, and all vehicles
+    on the road once a second.
     """
 
     log: pd.DataFrame
@@ -83,11 +83,11 @@ class EgoRun:
 
 @dataclass(frozen=True, kw_only=True)
 class Leader:
-    """The vehicle ahead on the ego's way."""
+    """The vehicle ahead on the ego's path."""
 
-    gap_m: float  # front bumper of the ego to rear bumper of the leader; 0 or less: they touch
-    speed_mps: float  # along the ego's way
-    acceleration_mps2: float = 0.0  # where it is not known, the leader is taken to keep its speed
+    gap_m: float  # from the ego's front bumper to the leader's rear bumper; 0 or less: they touch
+    speed_mps: float  # along the ego's path
+    acceleration_mps2: float = 0.0  # where it is unknown, the leader is taken to keep its speed
 
     def __post_init__(self) -> None:
         if not (isfinite(self.gap_m) and isfinite(self.speed_mps) and isfinite(self.acceleration_mps2)):

@@ -40,6 +40,6 @@ class ReferencePath:
 
 
 def swept_pieces(poses: npt.ArrayLike, vehicle: VehicleGeometry) -> npt.NDArray[np.object_]:
-    """Hulls (n - 1,) of neighbouring outlines of `vehicle` along rear-axle poses (n, 3): together the area it covers."""
+    """Convex hulls (n - 1,) of neighbouring outlines of `vehicle` at rear-axle poses (n, 3): together the area swept."""
     corners = vehicle.outline(poses)
     return np.asarray(shapely.convex_hull(shapely.linestrings(np.concatenate([corners[:-1], corners[1:]], axis=1))))

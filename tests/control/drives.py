@@ -1,22 +1,35 @@
 """Paths of known shape and drives along them."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from wzsumo.behaviour.ceiling import AccelerationCeiling, Hindrance
+from wzsumo.behaviour.ceiling import AccelerationCeiling
+from wzsumo.behaviour.hindrance import Hindrance
 from wzsumo.control.controller import Controller
-from wzsumo.control.plant import advance_ego
-from wzsumo.ego import EgoState
+from wzsumo.control.plant import PlantSpec, advance_ego
+from wzsumo.ego import EgoState, Leader
+from wzsumo.frames import FloatArray
 from wzsumo.path import ReferencePath
+from wzsumo.scenario.sections import ControlSection
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
+Columns = dict[str, FloatArray]
 
 
-def straight_path(length_m):
+def late_plant(**changes: Any) -> PlantSpec:
+    """A car whose commands come 0.1 s late to a steering that lags by 0.2 s and turns by at most 0.4 rad/s."""
+    late = {"steering_lag_s": 0.2, "command_delay_s": 0.1, "max_steering_rate_radps": 0.4}
+    return PlantSpec.model_validate(late | changes)
+
+
+def straight_path(length_m: float) -> ReferencePath:
     return ReferencePath(poses=np.array([[0.0, 0.0, 0.0], [length_m, 0.0, 0.0]]))
 
 
-def circle_path(radius_m, *, turns=1.0, step=0.5):
+def circle_path(radius_m: float, *, turns: float = 1.0, step: float = 0.5) -> ReferencePath:
     """Left for a positive radius, from the origin, heading +x."""
     turned = np.arange(0, turns * 2 * np.pi, step / abs(radius_m)) * np.sign(radius_m)
     return ReferencePath(
@@ -24,7 +37,7 @@ def circle_path(radius_m, *, turns=1.0, step=0.5):
     )
 
 
-def work_zone_path():
+def work_zone_path() -> ReferencePath:
     """Merge right by 3.66 m over 219 m, shift right over 110 m, shift back: quintic steps, curvature continuous."""
     x = np.arange(0.0, 900.5, 0.5)
     y, slope = np.zeros_like(x), np.zeros_like(x)
@@ -35,7 +48,7 @@ def work_zone_path():
     return ReferencePath(poses=np.column_stack([x, y, np.arctan(slope)]))
 
 
-def curved_road_path(radius_m=300.0, *, entry_m=80.0):
+def curved_road_path(radius_m: float = 300.0, *, entry_m: float = 80.0) -> ReferencePath:
     """Left bend and right bend, 300 m each, with clothoids: curvature continuous."""
     step = 0.05
     s = np.arange(0.0, 900.0 + step, step)
@@ -48,7 +61,17 @@ def curved_road_path(radius_m=300.0, *, entry_m=80.0):
     return ReferencePath(poses=np.column_stack([x, y, heading])[::10])
 
 
-def drive(path, control, plant, *, speed, dt=0.05, offset=0.0, leader=None, time_limit=200.0):
+def drive(
+    path: ReferencePath,
+    control: ControlSection,
+    plant: PlantSpec,
+    *,
+    speed: float,
+    dt: float = 0.05,
+    offset: float = 0.0,
+    leader: Callable[[float, EgoState], Leader] | None = None,
+    time_limit: float = 200.0,
+) -> Columns:
     """Columns of a drive from the path's start, `offset` to its left, until its end or the time limit."""
     controller, following = Controller(path, CAR, control), AccelerationCeiling(control)
     x, y, heading = path.poses[0]
@@ -58,18 +81,10 @@ def drive(path, control, plant, *, speed, dt=0.05, offset=0.0, leader=None, time
         ahead = leader(k * dt, state) if leader else None
         ceiling = following.next(Hindrance(leader=ahead), speed=state.speed, dt=dt)
         command = controller.command(state, dt=dt, ceiling=ceiling)
-        rows.append(
-            (
-                k * dt,
-                controller.station_m,
-                controller.cross_track_m,
-                state.speed,
-                state.steering,
-                state.acceleration,
-                command.throttle - command.brake,
-                ahead.gap_m if ahead else np.nan,
-            )
-        )
+        rows.append((
+            k * dt, controller.station_m, controller.cross_track_m, state.speed, state.steering, state.acceleration,
+            command.throttle - command.brake, ahead.gap_m if ahead else np.nan,
+        ))  # fmt: skip
         if controller.reached_end:
             break
         state = advance_ego(state, command, dt=dt, vehicle=CAR, spec=plant)

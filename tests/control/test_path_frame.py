@@ -40,7 +40,7 @@ def test_point_at_a_station_is_that_of_shapely(station: float) -> None:
 
 
 @pytest.mark.parametrize(("station", "point"), [(-3.0, (-3.0, 0.0)), (14.0, (14.0, 0.0))])
-def test_a_path_goes_on_straight_before_its_start_and_past_its_end(station: float, point) -> None:
+def test_a_path_goes_on_straight_before_its_start_and_past_its_end(station: float, point: tuple[float, float]) -> None:
     frame = PathFrame.of(straight_path(10.0))
     assert frame.point_at(station) == pytest.approx(point)
     assert frame.locate(point[0], 0.7, near=None).station_m == pytest.approx(station)

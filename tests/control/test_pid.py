@@ -1,3 +1,5 @@
+from typing import Literal
+
 import numpy as np
 import pytest
 from control.drives import drive, straight_path
@@ -9,8 +11,11 @@ from wzsumo.control.plant import PlantSpec
 from wzsumo.control.speed_profile import Pace
 from wzsumo.scenario.sections import ControlSection
 
+Unit = Literal["m/s", "km/h"]
+TimeBase = Literal["seconds", "steps"]
 
-def slow_paper_pid(errors, *, dt, unit, time_base):
+
+def slow_paper_pid(errors: list[float], *, dt: float, unit: Unit, time_base: TimeBase) -> float:
     """u_k = K_P e_k + K_I (e_{k-9} + ... + e_k) h + K_D (e_k - e_{k-1}) / h, written out for the last of the errors [m/s]."""
     scale = {"m/s": 1.0, "km/h": 3.6}[unit]
     h = {"seconds": dt, "steps": 1.0}[time_base]
@@ -28,7 +33,7 @@ def slow_paper_pid(errors, *, dt, unit, time_base):
     unit=st.sampled_from(["m/s", "km/h"]),
     time_base=st.sampled_from(["seconds", "steps"]),
 )
-def test_paper_pid_equals_the_formula_written_out(errors, dt, unit, time_base) -> None:
+def test_paper_pid_equals_the_formula_written_out(errors: list[float], dt: float, unit: Unit, time_base: TimeBase) -> None:
     spec, memory = PaperPidSpec(error_unit=unit, time_base=time_base), PaperPidMemory()
     for k, error in enumerate(errors):
         pedal, memory = paper_pid(memory, error, dt=dt, spec=spec)
@@ -45,7 +50,7 @@ def test_paper_pid_chatters_between_its_stops_where_the_throttle_acts_at_once() 
 
 
 @pytest.mark.parametrize(("pid", "lag"), [(PaperPidSpec(), 0.3), (PaperPidSpec(time_base="steps"), 0.0)])
-def test_paper_pid_is_steady_with_a_power_train_lag_or_without_a_time_step(pid, lag: float) -> None:
+def test_paper_pid_is_steady_with_a_power_train_lag_or_without_a_time_step(pid: PaperPidSpec, lag: float) -> None:
     run = drive(straight_path(2000), paper_control(pid), PlantSpec(powertrain_lag_s=lag), speed=10.0, time_limit=40)
     late = run["time"] > 20
     assert run["pedal"][late].std() < 1e-3
@@ -90,5 +95,5 @@ def test_tuned_pid_reaches_its_speed_from_rest_without_overshoot_and_without_a_l
     assert np.abs(np.diff(run["pedal"][run["time"] > 30])).max() < 1e-3
 
 
-def paper_control(pid=None):
+def paper_control(pid: PaperPidSpec | None = None) -> ControlSection:
     return ControlSection(lateral="paper", longitudinal="paper", pid=pid or PaperPidSpec())

@@ -10,9 +10,9 @@ from wzsumo.control.regulated_pursuit import RegulatedSpec, lookahead_m, predict
 from wzsumo.ego import EgoState
 
 
-def steering_on_circle(radius, *, speed, slip_heading=0.0, **spec):
-    """Steering of a car that is on the circle, at an angle of 1 rad, with the steering that keeps it there."""
-    rules = RegulatedSpec(**spec)
+def steering_on_circle(radius: float, *, speed: float, slip_heading: float = 0.0, **spec: float) -> tuple[float, float]:
+    """Steering that is found for a car on the circle, at an angle of 1 rad, and the steering that keeps it there."""
+    rules = RegulatedSpec.model_validate(spec)
     held = math.atan(CAR.wheelbase_m / radius) + rules.understeer_rad_per_mps2 * speed**2 / radius
     angle = math.copysign(1.0, radius)
     state = EgoState(

@@ -1,1 +1,1 @@
-"""How the ego minds others: whom it follows, where it gives way and where it stops."""
+"""How the ego heeds others: which vehicle it follows, where it gives way, where it stops, and what acceleration that leaves."""

@@ -1,7 +1,7 @@
-"""Car following, so that the ego keeps its gap instead of running into a queue, and stopping before a place.
+"""Car following, and stopping at a place: the highest acceleration that each leaves to the ego.
 
-The intelligent driver model brakes as in an emergency when someone cuts in closely at nearly its own speed. The adaptive
-cruise control built on it does not: it trusts that the leader will go on accelerating as it does now.
+The intelligent driver model (IDM) brakes as in an emergency when a vehicle cuts in closely at nearly the ego's speed. The
+adaptive cruise control (ACC) that is built on it does not: it takes the leader to keep its present acceleration.
 """
 
 from math import inf, sqrt, tanh
@@ -11,9 +11,7 @@ from pydantic import Field
 from wzsumo.ego import Leader
 from wzsumo.spec import Spec
 
-STOP_MARGIN_M = 1.0  # left to a place: where it lies is a forecast
-EMERGENCY_MPS2 = -3.5  # ISO 15622: adaptive cruise control above 20 m/s brakes no harder of itself
-CREEPING_MPS = 2.0  # from here jerk-limited braking to a stop takes the metre that is left to a place
+STOP_MARGIN_M = 1.0  # left between the bumper and a place to stop, which is known from a forecast; chosen by us
 
 
 class IdmSpec(Spec):
@@ -44,8 +42,8 @@ def idm_acceleration(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
 def acc_acceleration(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
     """Highest acceleration [m/s2] that the adaptive cruise control allows behind `leader`; -inf where the gap is used up.
 
-    Where the IDM brakes harder than the leader's present acceleration calls for (CAH), only the share 1 - c of it and at
-    most b beyond the CAH are left. Source: Kesting, Treiber & Helbing 2010.
+    Where the IDM brakes harder than the constant-acceleration heuristic (CAH) calls for, the ACC takes the share 1 - c of the
+    IDM's demand, and brakes by at most about b beyond the CAH. Source: Kesting, Treiber & Helbing 2010.
     """
     idm = idm_acceleration(speed, leader=leader, spec=spec)
     if leader.gap_m <= 0:
@@ -56,44 +54,31 @@ def acc_acceleration(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
     return (1 - spec.coolness) * idm + spec.coolness * (calm + comfortable * tanh((idm - calm) / comfortable))
 
 
-def stopping_acceleration(speed: float, *, distance_m: float, spec: IdmSpec) -> float:
-    """Highest acceleration [m/s2] with which the ego stops short of a place `distance_m` ahead of its bumper.
+def constant_acceleration_heuristic(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
+    """Acceleration [m/s2] that just avoids a crash (gap > 0) if the leader keeps its acceleration.
 
-    With d = v^2 / (2 room), the constant deceleration that stops it there, it is a - (a + b) (d / b)^2: all of a far off, then
-    gently less, and -b from where b is called for on. Only where even that comes too late is it -d. A vehicle that stands there
-    would ask for more, for the time gap that is kept to vehicles. The square is that of the IDM's dynamic part, ibid.
+    Source: Kesting, Treiber & Helbing 2010.
+    """
+    of_leader = min(leader.acceleration_mps2, spec.acceleration_mps2)
+    stops_first = leader.speed_mps * (speed - leader.speed_mps) <= -2 * leader.gap_m * of_leader
+    if stops_first and of_leader != 0:
+        return speed**2 * of_leader / (leader.speed_mps**2 - 2 * leader.gap_m * of_leader)
+    return of_leader - max(speed - leader.speed_mps, 0.0) ** 2 / (2 * leader.gap_m)
+
+
+def stopping_acceleration(speed: float, *, distance_m: float, spec: IdmSpec) -> float:
+    """Highest acceleration [m/s2] with which the ego stops STOP_MARGIN_M before a place `distance_m` ahead of its bumper.
+
+    With d = v^2 / (2 distance), the constant deceleration that stops it there, it is a - (a + b) (d / b)^2: all of a far off,
+    then gently less, and -b where d reaches b. Where d is above b, it is -d. A standing leader in that place would call for
+    earlier braking, for the time gap that is kept to vehicles. The square is that of the IDM's interaction term (Treiber et al.
+    2000).
 
     >>> stopping_acceleration(10.0, distance_m=26.0, spec=IdmSpec())  # 100 / (2 x 25) = b
     -2.0
     """
-    most, comfortable = spec.acceleration_mps2, spec.comfortable_deceleration_mps2
+    highest, comfortable = spec.acceleration_mps2, spec.comfortable_deceleration_mps2
     needed = speed**2 / (2 * max(distance_m - STOP_MARGIN_M, STOP_MARGIN_M / 2))
     if needed > comfortable or distance_m <= STOP_MARGIN_M:
         return -max(needed, comfortable)
-    return most - (most + comfortable) * (needed / comfortable) ** 2
-
-
-def eased(ceiling: float, *, speed: float, last: float, dt: float, spec: IdmSpec) -> float:
-    """The ceiling [m/s2] that holds now where it was `last` before `dt` [s]: it moves with the comfortable jerk.
-
-    A leader or a place that comes into view, or goes out of it, is no shock then. What calls for an emergency holds at once,
-    and so does braking while creeping.
-
-    >>> [eased(wanted, speed=20.0, last=1.0, dt=0.1, spec=IdmSpec()) for wanted in (-2.0, -6.0)]
-    [0.6, -6.0]
-    """
-    before = min(max(last, EMERGENCY_MPS2), spec.acceleration_mps2)
-    change = spec.comfortable_jerk_mps3 * dt
-    free_again = ceiling >= spec.acceleration_mps2 and before + change >= spec.acceleration_mps2
-    if ceiling < EMERGENCY_MPS2 or free_again or (speed < CREEPING_MPS and ceiling < last):
-        return ceiling
-    return min(max(ceiling, before - change), before + change)
-
-
-def constant_acceleration_heuristic(speed: float, *, leader: Leader, spec: IdmSpec) -> float:
-    """Acceleration [m/s2] that just avoids a crash (gap > 0) if the leader goes on as it does. Source: ibid."""
-    theirs = min(leader.acceleration_mps2, spec.acceleration_mps2)
-    stops_first = leader.speed_mps * (speed - leader.speed_mps) <= -2 * leader.gap_m * theirs
-    if stops_first and theirs != 0:
-        return speed**2 * theirs / (leader.speed_mps**2 - 2 * leader.gap_m * theirs)
-    return theirs - max(speed - leader.speed_mps, 0.0) ** 2 / (2 * leader.gap_m)
+    return highest - (highest + comfortable) * (needed / comfortable) ** 2

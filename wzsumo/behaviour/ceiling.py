@@ -1,50 +1,25 @@
-"""The acceleration that other vehicles and stop lines leave to the ego: one ceiling for the controller."""
+"""AccelerationCeiling: the highest acceleration that the leader and the place to stop leave to the ego's controller."""
 
-from dataclasses import dataclass
 from math import inf
 from typing import Literal
 
-from wzsumo.behaviour.car_following import IdmSpec, acc_acceleration, eased, idm_acceleration, stopping_acceleration
-from wzsumo.behaviour.giving_way import place_to_wait
-from wzsumo.behaviour.leaders import leader_ahead
-from wzsumo.behaviour.stop_line import stop_line_ahead
-from wzsumo.behaviour.way import Way
-from wzsumo.ego import Leader
+from wzsumo.behaviour.car_following import IdmSpec, acc_acceleration, idm_acceleration, stopping_acceleration
+from wzsumo.behaviour.hindrance import Hindrance
 from wzsumo.spec import Spec
-from wzsumo.traffic import Traffic
-from wzsumo.work_zone import WorkZoneLayout
+
+EMERGENCY_ACCELERATION_MPS2 = -3.5  # ISO 15622: adaptive cruise control above 20 m/s brakes no harder of itself
+CREEPING_SPEED_MPS = 2.0  # below this braking with limited jerk would use up the metre that is left to a place; chosen by us
 
 
 class FollowingSpec(Spec):
-    """How the ego minds the vehicle ahead and the places where it must stop."""
+    """How the ego heeds the vehicle ahead and the places where it must stop."""
 
     car_following: Literal["none", "idm", "acc"] = "acc"  # "none": it drives as if it were alone
     idm: IdmSpec = IdmSpec()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Hindrance:
-    """What keeps the ego from driving as it would alone."""
-
-    leader: Leader | None = None
-    stop_in_m: float | None = None  # from the front bumper to the place that it may not pass now; None: there is none
-
-
-def hindrance_of(way: Way, traffic: Traffic, *, layout: WorkZoneLayout, may_enter: bool) -> Hindrance:
-    """The leader, and the nearer of the place to give way at and the stop line.
-
-    `may_enter` says whether it is the ego's turn on a lane that both directions share.
-    """
-    places = (
-        place_to_wait(way, traffic, layout=layout),
-        stop_line_ahead(way.state, vehicle=way.vehicle, layout=layout, may_enter=may_enter),
-    )
-    stop_in_m = min((place for place in places if place is not None), default=None)
-    return Hindrance(leader=leader_ahead(way, traffic, layout=layout), stop_in_m=stop_in_m)
-
-
 class AccelerationCeiling:
-    """The highest acceleration that a hindrance leaves; it remembers the last one, from which it moves with a limited jerk."""
+    """The highest acceleration that a hindrance leaves to the ego; it moves with limited jerk from one step to the next."""
 
     def __init__(self, spec: FollowingSpec) -> None:
         self._spec = spec
@@ -53,7 +28,7 @@ class AccelerationCeiling:
     def next(self, hindrance: Hindrance, *, speed: float, dt: float) -> float:
         """Ceiling [m/s2] for the next `dt` seconds at a speed [m/s]; infinite where nothing hinders the ego."""
         wanted = _ceiling(hindrance, speed=speed, spec=self._spec)
-        self._last_mps2 = eased(wanted, speed=speed, last=self._last_mps2, dt=dt, spec=self._spec.idm)
+        self._last_mps2 = limit_jerk(wanted, speed=speed, last=self._last_mps2, dt=dt, spec=self._spec.idm)
         return self._last_mps2
 
 
@@ -67,3 +42,20 @@ def _ceiling(hindrance: Hindrance, *, speed: float, spec: FollowingSpec) -> floa
         follow = idm_acceleration if spec.car_following == "idm" else acc_acceleration
         ceiling = min(ceiling, follow(speed, leader=hindrance.leader, spec=spec.idm))
     return ceiling
+
+
+def limit_jerk(ceiling: float, *, speed: float, last: float, dt: float, spec: IdmSpec) -> float:
+    """The ceiling [m/s2] that holds at a speed [m/s] where `ceiling` is wanted and `last` held `dt` [s] before.
+
+    It moves with the comfortable jerk: a leader or a place that comes into view or goes out of it gives no jolt. An emergency
+    holds at once, and so does braking at creeping speed.
+
+    >>> [limit_jerk(wanted, speed=20.0, last=1.0, dt=0.1, spec=IdmSpec()) for wanted in (-2.0, -6.0)]
+    [0.6, -6.0]
+    """
+    before = min(max(last, EMERGENCY_ACCELERATION_MPS2), spec.acceleration_mps2)
+    change = spec.comfortable_jerk_mps3 * dt
+    free_again = ceiling >= spec.acceleration_mps2 and before + change >= spec.acceleration_mps2
+    if ceiling < EMERGENCY_ACCELERATION_MPS2 or free_again or (speed < CREEPING_SPEED_MPS and ceiling < last):
+        return ceiling
+    return min(max(ceiling, before - change), before + change)

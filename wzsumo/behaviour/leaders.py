@@ -1,90 +1,92 @@
-"""Whom the ego follows: the vehicle ahead that is in its way, or comes into it before the ego is past."""
+"""The leader: the vehicle ahead that is on the ego's path, or drifts onto it from a lane that ends."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from wzsumo.behaviour.way import Way, half_extents
+from wzsumo.behaviour.ego_outlook import TOUCHING_GAP_M, EgoOutlook, half_extents
 from wzsumo.ego import Leader
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.traffic import Traffic
 from wzsumo.work_zone import WorkZoneLayout
 
-TOUCH_M = 0.2  # beside the ego; who is no farther off is in its way
-DRIFT_S = 3.0  # of looking ahead at who is on his way in: what drivers do for no reason lasts less
-PASSED_IN_S = 0.3  # who is past the ego so soon is followed from then on: nobody brakes with all he has for him
-_AHEAD_M = 20.0  # beyond the reach of the search: the longest vehicle's half, and the path's bends
+REACH_S, MIN_REACH_M = 6.0, 30.0  # of the search along the path, at the ego's speed; chosen by us
+LENGTH_ALLOWANCE_M = 20.0  # beyond the reach, to the centre of a vehicle whose rear is within it; half the longest, and bends
+PAST_LAST_POSE_M = 5.0  # a centre may lie so far beyond the last pose of the stretch that is searched; chosen by us
+DRIFT_S = 3.0  # a drift that leads onto the path within this counts; sideways moves within a lane last less; chosen by us
+PASSED_SOON_S = 0.3  # a vehicle that has passed the ego within this is followed from then on, not while beside it; chosen by us
 
 
-def leader_ahead(way: Way, traffic: Traffic, *, layout: WorkZoneLayout) -> Leader | None:
-    """The nearest vehicle ahead whose body reaches into the ego's way along the path, or soon will.
+def leader_ahead(outlook: EgoOutlook, traffic: Traffic, *, layout: WorkZoneLayout) -> Leader | None:
+    """The nearest vehicle ahead whose body reaches into the ego's path, or soon will; None where there is none.
 
-    Soon will who is slower and in a lane that ends, if he goes on as he does and the ego has not passed him by then. A driver
-    who finds no gap there brakes hard and drifts on to the side: an ego that minds him when he is in its way has him beside it.
+    A vehicle soon will if it is in a lane that ends, slower than the ego, and drifts onto the path before the ego has passed
+    it. Its driver may find no gap, brake hard and drift on: an ego that heeds it only then has it beside itself.
     """
-    reach = max(30.0, 6 * way.state.speed)
-    first, last = np.searchsorted(way.route.stations, [way.station, way.station + reach])
-    traffic = traffic.near(way.state.x, way.state.y, reach_m=reach + _AHEAD_M)
+    reach = max(MIN_REACH_M, REACH_S * outlook.state.speed)
+    first, last = np.searchsorted(outlook.path.stations, [outlook.station, outlook.station + reach])
+    traffic = traffic.near(outlook.state.x, outlook.state.y, reach_m=reach + LENGTH_ALLOWANCE_M)
     if last - first < 2 or not traffic.ids:
         return None
-    places = _places_along(way, traffic, stretch=slice(first, last))
-    in_way = (places.aside < TOUCH_M) | (_drifts_in(places, length=way.vehicle.length_m) & _lane_ends(traffic, layout))
-    passing = (places.gap <= 0) & (places.gap > PASSED_IN_S * places.closing)
-    in_way &= places.ahead & (places.gap > -traffic.lengths) & ~passing
-    if not in_way.any():
+    motion = _relative_motion(outlook, traffic, stretch=slice(first, last))
+    on_path = motion.side_gap < TOUCHING_GAP_M
+    merging = _drifts_onto_path(motion, length=outlook.vehicle.length_m) & _in_ending_lane(traffic, layout)
+    passing = (motion.gap <= 0) & (motion.gap > PASSED_SOON_S * motion.closing)
+    candidate = (on_path | merging) & motion.on_stretch & (motion.gap > -traffic.lengths) & ~passing
+    if not candidate.any():
         return None
-    who = int(np.argmin(np.where(in_way, places.gap, np.inf)))
-    gap, speed, acceleration = (float(of[who]) for of in (places.gap, traffic.speeds, traffic.accelerations))
+    nearest = int(np.argmin(np.where(candidate, motion.gap, np.inf)))
+    gap, speed, acceleration = (float(of[nearest]) for of in (motion.gap, traffic.speeds, traffic.accelerations))
     return Leader(gap_m=max(gap, 0.0), speed_mps=speed, acceleration_mps2=acceleration)
 
 
-class _Places(NamedTuple):
-    """Where vehicles (n,) are along the ego's path, and how they move there."""
+class _RelativeMotion(NamedTuple):
+    """Where vehicles (n,) are from the ego, along and beside its path, and how they move there."""
 
-    gap: FloatArray  # m, from the ego's bumper to their rear end; below 0 they are beside it
-    aside: FloatArray  # m, from the ego's side, when it passes, to theirs
+    gap: FloatArray  # m, from the ego's front bumper to their rear; negative where they are beside the ego or behind it
+    side_gap: FloatArray  # m, between their side and the ego's when it passes
     length: FloatArray  # m that they take up along the path
-    towards: FloatArray  # m/s, sideways, at which they near the path
+    drift: FloatArray  # m/s, sideways towards the path
     closing: FloatArray  # m/s, at which the ego comes nearer
-    ahead: BoolArray  # on the stretch of the path that was looked at
+    on_stretch: BoolArray  # whether they are beside the stretch of the path that is searched
 
 
-def _places_along(way: Way, traffic: Traffic, *, stretch: slice) -> _Places:
-    poses, stations, vehicle = way.route.poses[stretch], way.route.stations[stretch], way.vehicle
+def _relative_motion(outlook: EgoOutlook, traffic: Traffic, *, stretch: slice) -> _RelativeMotion:
+    poses, stations, vehicle = outlook.path.poses[stretch], outlook.path.stations[stretch], outlook.vehicle
     offset = traffic.poses[:, None, :2] - poses[None, :, :2]
     nearest = np.argmin(np.einsum("ijk,ijk->ij", offset, offset), axis=1)
     along, across = _in_frame(offset[np.arange(len(nearest)), nearest], poses[nearest, 2])
     turned = traffic.poses[:, 2] - poses[nearest, 2]
     half_along, half_across = half_extents(turned, traffic.lengths, traffic.widths)
-    return _Places(
-        gap=stations[nearest] - way.station + along - half_along - vehicle.axle_to_bumper_m,
-        aside=np.abs(across) - half_across - vehicle.width_m / 2,
+    return _RelativeMotion(
+        gap=stations[nearest] - outlook.station + along - half_along - vehicle.axle_to_bumper_m,
+        side_gap=np.abs(across) - half_across - vehicle.width_m / 2,
         length=2 * half_along,
-        towards=-np.sign(across) * traffic.speeds * np.sin(turned),
-        closing=way.state.speed - traffic.speeds * np.cos(turned),
-        ahead=(along > -1.0) & (along < 5.0) & (nearest > 0),
+        drift=-np.sign(across) * traffic.speeds * np.sin(turned),
+        closing=outlook.state.speed - traffic.speeds * np.cos(turned),
+        on_stretch=(along < PAST_LAST_POSE_M) & (nearest > 0),
     )
-
-
-def _drifts_in(places: _Places, *, length: float) -> BoolArray:
-    """Who of those whom an ego of a length [m] is catching up with will be in its way in DRIFT_S or when it is past."""
-    past_in = (places.gap + places.length + length) / np.maximum(places.closing, 1e-9)
-    soon_aside = places.aside - places.towards * np.minimum(past_in, DRIFT_S)
-    return np.asarray((places.gap > 0) & (places.closing > 0) & (soon_aside < TOUCH_M))
-
-
-def _lane_ends(traffic: Traffic, layout: WorkZoneLayout) -> BoolArray:
-    """Which vehicles (n,) are in a lane that does not run to the end of the road."""
-    station, offset = layout.road.to_sd(traffic.poses[:, :2])
-    ends = np.zeros(len(station), dtype=bool)
-    for lane in layout.lanes:
-        if lane.end < layout.road.length and not lane.opposing:
-            on_it = (station >= lane.start) & (station < lane.end)
-            ends |= on_it & (offset > lane.right(station)) & (offset < lane.left(station))
-    return ends
 
 
 def _in_frame(offsets: FloatArray, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Parts of offsets (..., 2) along and, positive to the left, across headings (...)."""
     cos, sin = np.cos(heading), np.sin(heading)
     return offsets[..., 0] * cos + offsets[..., 1] * sin, offsets[..., 1] * cos - offsets[..., 0] * sin
+
+
+def _drifts_onto_path(motion: _RelativeMotion, *, length: float) -> BoolArray:
+    """Whether slower vehicles (n,) will drift onto the path in DRIFT_S, or before an ego of a length [m] has passed them."""
+    passed_in = (motion.gap + motion.length + length) / np.maximum(motion.closing, 1e-9)
+    side_gap_then = motion.side_gap - motion.drift * np.minimum(passed_in, DRIFT_S)
+    return np.asarray((motion.gap > 0) & (motion.closing > 0) & (side_gap_then < TOUCHING_GAP_M))
+
+
+def _in_ending_lane(traffic: Traffic, layout: WorkZoneLayout) -> BoolArray:
+    """Whether vehicles (n,) are in a lane that ends before the road does."""
+    station, offset = layout.road.to_sd(traffic.poses[:, :2])
+    ending = np.zeros(len(station), dtype=bool)
+    for lane in layout.lanes:
+        if lane.end < layout.road.length and not lane.opposing:
+            beside = (station >= lane.start) & (station < lane.end)
+            ending |= beside & (offset > lane.right(station)) & (offset < lane.left(station))
+    return ending

@@ -1,11 +1,11 @@
-"""The ego's course: the path that it follows, exchanged for another one where a new map reaches it on the way."""
+"""PathFollower: the ego's path with its controller, exchanged where a new map reaches the ego on the way."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from wzsumo.behaviour.way import Way, route_along
+from wzsumo.behaviour.ego_outlook import EgoOutlook, path_on_road
 from wzsumo.control.controller import Controller
 from wzsumo.ego import EgoState, Replan
 from wzsumo.path import ReferencePath
@@ -15,7 +15,7 @@ from wzsumo.scenario.sections import ControlSection
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
-# The new path begins where the ego will be so much later: until then it drives on, and its look-ahead meets no kink at once.
+# The new path begins where the ego will be after this at its present speed, so that its look-ahead meets no kink; chosen by us.
 REPLAN_AHEAD_S = 1.0
 
 
@@ -27,8 +27,8 @@ class NewMap:
     plan: Callable[[Pose], Plan]  # on that map, from a pose of the REAR AXLE to the goal
 
 
-class Course:
-    """The path that the ego follows, with the controller on it and what the path asks for at each step."""
+class PathFollower:
+    """The path that the ego follows, with the controller on it and the outlook along it."""
 
     def __init__(
         self, path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry, control: ControlSection
@@ -37,30 +37,30 @@ class Course:
         self.controller = Controller(path, vehicle, control)
         self._take(path)
 
-    def _take(self, path: ReferencePath) -> None:
-        self.path, self.route = path, route_along(path, layout=self._layout, vehicle=self._vehicle)
-        self._speeds = self.controller.speeds_at(path.arc_length)
-
-    def way(self, state: EgoState) -> Way:
-        """How the ego would go on from `state` if nobody hindered it."""
-        return Way(
-            route=self.route, station=self.controller.station_m, state=state, vehicle=self._vehicle,
-            desired_speeds=self._speeds, acceleration=self._control.idm.acceleration_mps2,
+    def outlook(self, state: EgoState) -> EgoOutlook:
+        """How the ego goes on from `state` if nobody hinders it."""
+        return EgoOutlook(
+            path=self._on_road, station=self.controller.station_m, state=state, vehicle=self._vehicle,
+            desired_speeds=self._desired_speeds, acceleration=self._control.idm.acceleration_mps2,
         )  # fmt: skip
 
     def replan(self, new_map: NewMap, state: EgoState, *, time: float) -> Replan:
-        """What came of a plan on the new map; where it is a path, the course goes over to it REPLAN_AHEAD_S ahead."""
-        stations = self.path.arc_length
+        """What came of a plan on the new map; where it gave a path, that path is followed from REPLAN_AHEAD_S ahead on."""
+        stations = self._path.arc_length
         ahead = self.controller.station_m + REPLAN_AHEAD_S * state.speed
         joint = min(int(np.searchsorted(stations, ahead)), len(stations) - 2)
-        x, y, heading = map(float, self.path.poses[joint])
+        x, y, heading = map(float, self._path.poses[joint])
         plan = new_map.plan((x, y, heading))
         if plan.path is not None:
-            # The way so far stays part of the path: stations along it go on counting from where the ego set out.
-            path = ReferencePath(poses=np.concatenate([self.path.poses[:joint], plan.path.poses]))
+            # The driven part stays in the path: its stations go on counting from where the ego set out.
+            path = ReferencePath(poses=np.concatenate([self._path.poses[:joint], plan.path.poses]))
             self.controller.follow(path)
             self._take(path)
         return Replan(
             time_s=time, station_m=float(stations[joint]), status=str(plan.status), reason=plan.reason,
             plan_ms=plan.timings_ms["total"],
         )  # fmt: skip
+
+    def _take(self, path: ReferencePath) -> None:
+        self._path, self._on_road = path, path_on_road(path, layout=self._layout, vehicle=self._vehicle)
+        self._desired_speeds = self.controller.speeds_at(path.arc_length)

@@ -1,1 +1,1 @@
-"""(EgoState, ReferencePath) -> Command -> EgoState."""
+"""How the ego follows its path at its speed, and how the car answers: (EgoState, ReferencePath) -> Command -> EgoState."""

@@ -8,7 +8,7 @@ from pydantic import Field
 from wzsumo.spec import Spec
 
 GRAVITY_MPS2 = 9.80665  # standard gravity, ISO 80000-3
-_ROLLS_BELOW_MPS = 1.0  # slip angles divide by the speed: below it the wheels roll where they point
+_ROLLING_SPEED_MPS = 1.0  # slower wheels are taken to roll where they point: slip angles divide by the speed; chosen by us
 
 
 class SingleTrackSpec(Spec):
@@ -41,22 +41,22 @@ def single_track_step(
 ) -> Motion:
     """Motion after `h` seconds of constant speed and steering with tyres that slip sideways.
 
-    Lateral forces grow with the slip angle and level off at the axle's share of friction (tanh). Side forces do not slow the
-    car down and the steering angle is small. The step is backward Euler in (lateral speed of the centre of gravity, yaw
-    rate) with stiffnesses at the slip before the step, stable at any speed. Source: Rajamani 2012, Section 2.3.
+    Lateral forces grow with the slip angle and saturate at the axle's share of friction (tanh). Side forces do not slow the car
+    down, and the steering angle is taken to be small. The step is backward Euler in (lateral speed of the centre of gravity,
+    yaw rate) with stiffnesses at the slip before the step, stable at any speed. Source: Rajamani 2012, Section 2.3.
     """
-    if speed < _ROLLS_BELOW_MPS:
+    if speed < _ROLLING_SPEED_MPS:
         return kinematic_step(motion, speed=speed, steering=steering, h=h, wheelbase_m=wheelbase_m)
     front, rear = spec.front_share * wheelbase_m, (1 - spec.front_share) * wheelbase_m
     sideways = motion.lateral_speed + rear * motion.yaw_rate  # of the centre of gravity
     slope_front = (sideways + front * motion.yaw_rate) / speed
     slope_rear = (sideways - rear * motion.yaw_rate) / speed
     grip = spec.friction * mass_kg * GRAVITY_MPS2
-    c_front = spec.front_stiffness_nprad * _levelling(
+    c_front = spec.front_stiffness_nprad * _force_share(
         (atan(slope_front) - steering) * spec.front_stiffness_nprad / (grip * (1 - spec.front_share))
     )
-    c_rear = spec.rear_stiffness_nprad * _levelling(atan(slope_rear) * spec.rear_stiffness_nprad / (grip * spec.front_share))
-    # Slip angles atan(q) - steering as chords through the origin, so that the step is linear in what it looks for.
+    c_rear = spec.rear_stiffness_nprad * _force_share(atan(slope_rear) * spec.rear_stiffness_nprad / (grip * spec.front_share))
+    # The slip angle atan(slope) - steering is replaced by its chord through the origin: the step is then a linear system.
     k_front, k_rear = c_front * _chord(slope_front) / speed, c_rear * _chord(slope_rear) / speed
     turn = front * k_front - rear * k_rear
     a11, a12 = mass_kg / h + k_front + k_rear, mass_kg * speed + turn
@@ -83,8 +83,8 @@ def _moved(motion: Motion, *, speed: float, lateral_speed: float, yaw_rate: floa
     )
 
 
-def _levelling(load: float) -> float:
-    """Share of the linear force that is left at `load`, slip times stiffness over friction: tanh(load) / load."""
+def _force_share(load: float) -> float:
+    """Share of the linear tyre force that is left at a load (slip x stiffness / friction): tanh(load) / load."""
     return tanh(load) / load if abs(load) > 1e-6 else 1.0
 
 

@@ -1,7 +1,7 @@
 """Controller: (EgoState, ReferencePath) -> Command, once a control step."""
 
 from math import inf, radians
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -30,15 +30,18 @@ class ControlSpec(Spec):
     target_speed_mps: float = Field(default=10.0, ge=0, le=60)  # Chen et al. 2022
     min_lookahead_m: float = Field(default=3.0, gt=0)  # ibid.; the law "paper"
     pursuit_length_m: float = Field(default=4.6391, gt=0)  # ibid.: the LENGTH, used as wheelbase; the law "paper"
-    goal_tolerance_m: float = Field(default=0.1, ge=0)  # the end of the path counts as reached this far before it
+    goal_tolerance_m: float = Field(default=0.1, ge=0)  # the path's end counts as reached this far before it; chosen by us
     regulated: RegulatedSpec = RegulatedSpec()
     pid: PaperPidSpec = PaperPidSpec()
     tuned: TunedPidSpec = TunedPidSpec()
     pedals: PedalSpec = PedalSpec()
 
 
-def allow_for_slip(spec: ControlSpec, *, plant: PlantSpec) -> ControlSpec:
-    """The same spec with a regulated law that knows how much the tyres of `plant` slip. Raises SpecError if it oversteers."""
+SomeControlSpec = TypeVar("SomeControlSpec", bound=ControlSpec)
+
+
+def allow_for_slip(spec: SomeControlSpec, *, plant: PlantSpec) -> SomeControlSpec:
+    """The same spec with a regulated law that allows for the tyre slip of `plant`. Raises SpecError if that oversteers."""
     understeer, rear_slip = slip_gradients(plant)
     slips = {"understeer_rad_per_mps2": understeer, "rear_slip_rad_per_mps2": rear_slip}
     regulated = parse_spec(RegulatedSpec, spec.regulated.model_dump() | slips, source="slip of the plant")
@@ -46,28 +49,26 @@ def allow_for_slip(spec: ControlSpec, *, plant: PlantSpec) -> ControlSpec:
 
 
 class Controller:
-    """Follows one path. Holds what a controller remembers: the place on the path, the memory of the PID.
+    """Follows one path; remembers its position on the path and the memory of its PID.
 
-    `cross_track_m` (positive: ego left of the path), `station_m` and `reached_end` tell of the state given to the last
-    `command`; before the first one they are 0, 0 and False. The law "regulated" keeps below the speed that the path's
-    curvature and `speed_limits` (n,) [m/s], one a pose, allow; the law "paper" knows one speed.
+    `cross_track_m` (positive: ego left of the path), `station_m` and `reached_end` belong to the state that the last `command`
+    was given; before the first one they are 0, 0 and False. The law "regulated" keeps below the speed that the path's curvature
+    allows; the law "paper" has one speed.
     """
 
-    def __init__(
-        self, path: ReferencePath, vehicle: VehicleGeometry, spec: ControlSpec, *, speed_limits: npt.ArrayLike | None = None
-    ) -> None:
+    def __init__(self, path: ReferencePath, vehicle: VehicleGeometry, spec: ControlSpec) -> None:
         self._vehicle, self._spec = vehicle, spec
         self._paper_pid, self._tuned_pid = PaperPidMemory(), TunedPidMemory()
-        self.follow(path, speed_limits=speed_limits)
+        self.follow(path)
 
-    def follow(self, path: ReferencePath, *, speed_limits: npt.ArrayLike | None = None) -> None:
-        """Go on along another path, as after a new plan; what it remembers of the speed stays."""
+    def follow(self, path: ReferencePath) -> None:
+        """Go on along another path, as after a new plan; the memory of the PID stays."""
         self._frame = PathFrame.of(path)
-        self._profile = SpeedProfile.of(path, spec=self._spec.regulated, speed_limits=speed_limits)
+        self._profile = SpeedProfile.of(path, spec=self._spec.regulated)
         self._position: PathPosition | None = None
 
     def speeds_at(self, stations: npt.ArrayLike) -> FloatArray:
-        """Speeds (n,) [m/s] that it keeps at stations (n,) [m] along the path if nobody is ahead."""
+        """Speeds (n,) [m/s] that it keeps at stations (n,) [m] along the path if nothing hinders the ego."""
         target = np.full(np.shape(stations), self._spec.target_speed_mps)
         return target if self._spec.lateral == "paper" else np.minimum(target, self._profile.speeds_at(stations))
 
@@ -87,9 +88,9 @@ class Controller:
         return self._position is not None and self.station_m >= self._frame.length_m - self._spec.goal_tolerance_m
 
     def command(self, state: EgoState, *, dt: float, ceiling: float = inf) -> Command:
-        """Command for the next `dt` seconds, and the memory moved on by one step. Raises InputError for dt <= 0.
+        """Command for the next `dt` seconds; moves position and memory on by one step. Raises InputError for dt <= 0.
 
-        `ceiling` [m/s2] is the highest acceleration that others leave to the ego.
+        `ceiling` [m/s2] is the highest acceleration that is left to the ego.
         """
         if not 0 < dt < inf:
             raise InputError(f"dt={dt} s must be the time from one command to the next, above 0")

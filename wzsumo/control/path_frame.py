@@ -1,7 +1,7 @@
-"""Stations and offsets along a ReferencePath, for a controller that asks once a control step.
+"""PathFrame: stations and offsets along a ReferencePath, for a controller that asks for one point a control step.
 
-Plain tuples of floats: at one point a call they are several times quicker to read than arrays. Both ends of the path go on
-straight, so that a look-ahead near the goal, or a start before the first pose, keeps its meaning.
+It holds plain tuples of floats: one value of a tuple is read several times quicker than one of an array. The path goes on
+straight beyond both ends, so that a look-ahead past the goal and a position before the first pose are defined.
 """
 
 from bisect import bisect_right
@@ -16,12 +16,12 @@ from wzsumo.frames import BoolArray, arc_length
 from wzsumo.path import ReferencePath
 
 Point = tuple[float, float]
-_MIN_STEP_M = 1e-6  # two points nearer than this are one: a segment needs a direction
+_MIN_STEP_M = 1e-6  # points nearer than this count as one: a segment needs a direction
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathPosition:
-    """Where a point is, seen from the path."""
+    """Position of a point along and beside the path."""
 
     segment: int  # index of the segment it is beside
     station_m: float  # along the path; negative before its start, more than its length past its end
@@ -59,7 +59,7 @@ class PathFrame:
         return self.stations[-1]
 
     def locate(self, x: float, y: float, *, near: int | None) -> PathPosition:
-        """Position of a world point: on the whole path, or downhill from segment `near`: one branch of a loop."""
+        """Position of a world point: the nearest on the whole path, or downhill from segment `near` on its branch."""
         segment = self._nearest_segment(x, y) if near is None else near
         along, left = self._components(segment, x, y)
         while along > self._length(segment) and segment < len(self.directions) - 1:

@@ -19,7 +19,7 @@ class PaperPidSpec(Spec):
     The paper names neither the unit of the error nor what a derivative is divided by. Both decide the loop: CARLA's example
     controller, which has the same window of ten, takes km/h (3.6 times the gain) and divides by the time step. With
     `time_base` "seconds" and a throttle that acts at once, the derivative term is an algebraic loop of gain
-    kd * full throttle [m/s2]: 0.4 * 3.5 = 1.4 > 1, and the pedals chatter between their stops. A power-train lag mends it.
+    kd * full throttle [m/s2]: 0.4 * 3.5 = 1.4 > 1, and the pedals chatter between their stops. A power-train lag removes it.
     """
 
     kp: float = Field(default=0.5, ge=0)  # Chen et al. 2022
@@ -77,9 +77,9 @@ def tuned_pid(
     """Demanded acceleration [m/s2] at a speed [m/s] and a reference, never above `ceiling`, and the next memory.
 
     The acceleration of the reference is fed forward: without it the integral fills while braking for a bend, and the car
-    goes on braking in it. The derivative counts no step of the reference's speed, which would kick. The integral stands
-    still while the output is at a limit and the error would drive it further (conditional integration, Astrom & Hagglund
-    1995).
+    goes on braking in it. The derivative leaves out steps of the reference's speed, which would give a kick. The integral
+    stands still while the output is at a limit and the error would drive it further (conditional integration, Astrom &
+    Hagglund 1995).
     """
     error = reference.speed - speed
     measured = 0.0 if memory.speed is None else (speed - memory.speed) / dt

@@ -24,9 +24,9 @@ SUBSTEP_S = 0.01  # longest step of integration; the delay is met to this
 class PlantSpec(Spec):
     """Body, actuators and resistance of the car.
 
-    The paper tells of no delay, lag or limit between its commands and the wheels: none is the default. They decide whether
-    its law holds: with the 0.4 rad/s of CommonRoad's passenger cars (Althoff et al. 2017) it swings out to 10 m and more from
-    0.2 m beside the path at 10 m/s, and so it does with 0.1 s of delay and 0.2 s of lag on the path itself.
+    The paper names no delay, lag or limit between its commands and the wheels: none is the default. They decide whether its
+    law is stable: with the 0.4 rad/s of CommonRoad's passenger cars (Althoff et al. 2017) a car that starts 0.2 m beside the
+    path at 10 m/s swings out to 10 m and more, and so does a car with 0.1 s of delay and 0.2 s of lag that starts on the path.
     """
 
     body: Literal["kinematic", "single_track"] = "kinematic"
@@ -43,21 +43,21 @@ class PlantSpec(Spec):
 
 @dataclass(frozen=True, kw_only=True)
 class PlantState(EgoState):
-    """EgoState and what else the car carries from step to step. Reference point: centre of the REAR AXLE."""
+    """EgoState and what else the car keeps from step to step. Reference point: centre of the REAR AXLE."""
 
     lateral_speed: float = 0.0  # m/s, of the rear axle, positive to the left
     yaw_rate: float = 0.0  # rad/s
     drive: float = 0.0  # m/s2, what power train and brakes give, drag not taken off
-    pending: tuple[tuple[float, Command], ...] = ()  # commands with their age [s], oldest first; the first may be in force
+    pending: tuple[tuple[float, Command], ...] = ()  # commands with their age [s], oldest first; the first may already act
 
     @classmethod
     def of(cls, state: EgoState, *, spec: PlantSpec) -> Self:
-        """Plant at a state of which no more is known: no slip, the drive that holds its acceleration, no command on its way."""
+        """The plant at a plain state: no slip, the drive that holds its acceleration, no pending command."""
         return cls(**vars(state), drive=state.acceleration + drag_mps2(state.speed, spec=spec))
 
 
 def advance_ego(state: EgoState, command: Command, *, dt: float, vehicle: VehicleGeometry, spec: PlantSpec) -> PlantState:
-    """State after `dt` seconds of `command`. Give back what it returned: a plain EgoState starts without slip and memory.
+    """State after `dt` seconds of `command`. Pass it on to the next call: a plain EgoState starts without slip or delay.
 
     Until a first command has come through the delay, steering and drive stay as they are. Braking ends at standstill: the
     car does not roll back. Raises InputError for dt <= 0.
@@ -76,7 +76,7 @@ def advance_ego(state: EgoState, command: Command, *, dt: float, vehicle: Vehicl
         if in_force is not None:
             turned = _steered(steering, in_force.steering, h=h, vehicle=vehicle, spec=spec)
             target = acceleration_from_pedals(in_force.throttle, in_force.brake, spec=spec.pedals)
-            pushed = drive + (target - drive) * _share(h, spec.powertrain_lag_s)
+            pushed = drive + (target - drive) * _lag_share(h, spec.powertrain_lag_s)
         acceleration = _net_acceleration(speed, drive=pushed, h=h, spec=spec)
         reached = max(speed + acceleration * h, 0.0)  # rounding may overshoot standstill
         motion = _body_step(
@@ -131,12 +131,12 @@ def _aged(pending: tuple[tuple[float, Command], ...], *, dt: float, delay: float
 
 def _steered(steering: float, wanted: float, *, h: float, vehicle: VehicleGeometry, spec: PlantSpec) -> float:
     limit = radians(vehicle.max_steering_deg)
-    change = (min(max(wanted, -limit), limit) - steering) * _share(h, spec.steering_lag_s)
+    change = (min(max(wanted, -limit), limit) - steering) * _lag_share(h, spec.steering_lag_s)
     most = inf if spec.max_steering_rate_radps is None else spec.max_steering_rate_radps * h
     return steering + min(max(change, -most), most)
 
 
-def _share(h: float, lag_s: float) -> float:
+def _lag_share(h: float, lag_s: float) -> float:
     """Share of the way to its target that a first-order lag goes in `h` seconds."""
     return 1 - exp(-h / lag_s) if lag_s > 0 else 1.0
 
