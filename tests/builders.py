@@ -1,5 +1,7 @@
 """Inputs that many tests share, in one line each."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -11,19 +13,19 @@ from wzsumo.road import Bend, Road, RoadSpec
 from wzsumo.work_zone import WorkZone, WorkZoneLayout
 
 
-def paper_road(**changes) -> Road:
+def paper_road(**changes: object) -> Road:
     """Three 12 ft lanes between a 12 ft left and a 10 ft right shoulder, straight along +x."""
     spec = {"lane_count": 3, "left_shoulder_ft": 12, "right_shoulder_ft": 10, "length_ft": 5000}
-    return RoadSpec(**spec | changes).build()
+    return RoadSpec.model_validate(spec | changes).build()
 
 
-def two_lane_road(**changes) -> Road:
+def two_lane_road(**changes: object) -> Road:
     """A 12 ft lane in each direction between shoulders of 6 ft, straight along +x."""
     spec = {"lane_count": 1, "opposing_lane_count": 1, "left_shoulder_ft": 6, "right_shoulder_ft": 6, "length_ft": 5000}
-    return RoadSpec(**spec | changes).build()
+    return RoadSpec.model_validate(spec | changes).build()
 
 
-def bent_road(radius_ft: float, *, arc_ft: float = 4100, **changes) -> Road:
+def bent_road(radius_ft: float, *, arc_ft: float = 4100, **changes: object) -> Road:
     """The paper's cross-section on a straight, a transition and an arc; a positive radius turns left."""
     alignment = (
         Bend(length_ft=500),
@@ -33,21 +35,23 @@ def bent_road(radius_ft: float, *, arc_ft: float = 4100, **changes) -> Road:
     return paper_road(length_ft=None, alignment=alignment, **changes)
 
 
-def paper_work_zone(**changes) -> WorkZone:
+def paper_work_zone(**changes: object) -> WorkZone:
     """60 mph, left lane and left shoulder closed, the other two lanes shifted by 12 ft and 11 ft wide."""
     spec = {
         "posted_speed_mph": 60, "start_ft": 800, "closed_lanes": (2,), "closed_shoulder": "left",
         "shift_ft": 12, "shifted_lane_width_ft": 11, "work_length_ft": 650,
     }  # fmt: skip
-    return WorkZone(**spec | changes)
+    return WorkZone.model_validate(spec | changes)
 
 
-def paper_layout(**changes) -> WorkZoneLayout:
+def paper_layout(**changes: object) -> WorkZoneLayout:
     """The paper's zone on the paper's road."""
     return lay_out(paper_work_zone(**changes), paper_road())
 
 
-def straight_traces(offsets_m, *, length_m=100.0, step_m=2.0, speed_mps=20.0) -> pd.DataFrame:
+def straight_traces(
+    offsets_m: Sequence[float] | FloatArray, *, length_m: float = 100.0, step_m: float = 2.0, speed_mps: float = 20.0
+) -> pd.DataFrame:
     """A trace table: one vehicle an offset y, along +x from 0 to length_m."""
     x = np.arange(0.0, length_m + step_m / 2, step_m)
     traces = [
@@ -58,7 +62,7 @@ def straight_traces(offsets_m, *, length_m=100.0, step_m=2.0, speed_mps=20.0) ->
     return pd.concat(traces, ignore_index=True)
 
 
-def vehicle_outlines(traces):
+def vehicle_outlines(traces: pd.DataFrame) -> npt.NDArray[np.object_]:
     """Rectangles (n,) around the centres of a trace table with length_m and width_m."""
     along = (
         np.column_stack([np.cos(traces["heading_rad"]), np.sin(traces["heading_rad"])]) * traces[["length_m"]].to_numpy() / 2
@@ -66,7 +70,7 @@ def vehicle_outlines(traces):
     across = along[:, ::-1] * [-1, 1] * (traces["width_m"] / traces["length_m"]).to_numpy()[:, None]
     centre = traces[["x_m", "y_m"]].to_numpy()
     corners = [centre - along - across, centre + along - across, centre + along + across, centre - along + across]
-    return shapely.polygons(np.stack(corners, axis=1))
+    return np.asarray(shapely.polygons(np.stack(corners, axis=1)))
 
 
 def to_world(pose: npt.ArrayLike, points: npt.ArrayLike) -> FloatArray:

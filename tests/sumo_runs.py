@@ -4,6 +4,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 from builders import vehicle_outlines
 
@@ -23,7 +24,7 @@ def driven(net: Path, content: str, folder: Path) -> pd.DataFrame:
     return rows.rename(columns=lambda name: name.split("_", 1)[1])
 
 
-def outlines_in(rows: pd.DataFrame, *, length: float, width: float):
+def outlines_in(rows: pd.DataFrame, *, length: float, width: float) -> npt.NDArray[np.object_]:
     """Rectangles (n,) of a vehicle of that size [m] in rows of `driven`."""
     bumper = np.column_stack([rows["x"], rows["y"], heading_from_sumo_angle(rows["angle"])])
     x, y, heading = advance(bumper, -length / 2).T

@@ -14,9 +14,14 @@ PRINTED_SPACING_FT = {
     "freeway": (1000, 1500, 2640),
 }
 
+BY_TURNS = {
+    "posted_speed_mph": 45, "road_type": "rural", "closed_lanes": (0,), "closed_shoulder": "right", "shift_ft": 0,
+    "shifted_lane_width_ft": None,
+}  # fmt: skip
+
 
 @pytest.mark.parametrize("road_type", PRINTED_SPACING_FT)
-def test_signs_stand_at_the_printed_distances_ahead_of_the_first_device(road_type) -> None:
+def test_signs_stand_at_the_printed_distances_ahead_of_the_first_device(road_type: str) -> None:
     layout = paper_layout(road_type=road_type)
     ahead = layout.signs[layout.signs["s_m"] < layout.start]["s_m"].drop_duplicates().to_numpy()
     distances_ft = np.diff(feet_from_metres(np.concatenate([ahead, [layout.start]])))
@@ -63,7 +68,7 @@ def test_signs_on_a_freeway_stand_on_both_sides_clear_of_the_pavement() -> None:
         ),
     ],
 )
-def test_signs_say_what_is_closed_under_the_manuals_codes(zone, texts, codes) -> None:
+def test_signs_say_what_is_closed_under_the_manuals_codes(zone: dict[str, object], texts: list[str], codes: list[str]) -> None:
     signs = lay_out(paper_work_zone(road_type="rural", **zone), paper_road(length_ft=8000)).signs
     assert signs["text"].tolist() == [*texts, "END ROAD WORK"]
     assert signs["code"].tolist() == [*codes, "G20-2"]
@@ -71,11 +76,7 @@ def test_signs_say_what_is_closed_under_the_manuals_codes(zone, texts, codes) ->
 
 @pytest.mark.parametrize(("control", "nearest"), [("signal", "SIGNAL AHEAD"), ("flaggers", "FLAGGER")])
 def test_both_directions_are_warned_where_they_take_turns(control: str, nearest: str) -> None:
-    zone = paper_work_zone(
-        posted_speed_mph=45, road_type="rural", closed_lanes=(0,), closed_shoulder="right", shift_ft=0,
-        shifted_lane_width_ft=None, one_lane_two_way=control,
-    )  # fmt: skip
-    layout = lay_out(zone, two_lane_road())
+    layout = lay_out(paper_work_zone(**BY_TURNS, one_lane_two_way=control), two_lane_road())
     texts = ["ROAD WORK AHEAD", "ONE LANE ROAD AHEAD", nearest, "END ROAD WORK"]
     assert layout.signs["text"].tolist() == texts * 2
     own, other = layout.signs.iloc[:4], layout.signs.iloc[4:]
@@ -84,3 +85,47 @@ def test_both_directions_are_warned_where_they_take_turns(control: str, nearest:
     assert own["s_m"].is_monotonic_increasing
     assert other["s_m"].is_monotonic_decreasing
     assert np.cos(other["heading_rad"].to_numpy()) == pytest.approx(-1)
+
+
+def test_road_work_ends_500_ft_behind_the_zone() -> None:
+    layout = paper_layout()
+    behind = layout.signs[layout.signs["s_m"] > layout.end]
+    assert behind["code"].tolist() == ["G20-2", "G20-2"]  # on both sides of a freeway
+    assert feet_from_metres(behind["s_m"].to_numpy() - layout.end) == pytest.approx(500)
+
+
+def test_signs_of_both_directions_count_from_the_stop_lines_and_stand_6_ft_beyond_their_pavement() -> None:
+    layout = lay_out(paper_work_zone(**BY_TURNS, one_lane_two_way="signal"), two_lane_road())
+    first = layout.start + (90 - 100) * 0.3048  # shoulder taper 90 ft, then the taper, whose stop line is 100 ft ahead of it
+    last = layout.end + 100 * 0.3048
+    own, other = layout.signs.iloc[:4], layout.signs.iloc[4:]
+    assert feet_from_metres(own["s_m"].to_numpy() - first)[:3] == pytest.approx([-1500, -1000, -500])
+    assert feet_from_metres(own["s_m"].to_numpy() - last)[3] == pytest.approx(500)
+    assert feet_from_metres(other["s_m"].to_numpy() - last)[:3] == pytest.approx([1500, 1000, 500])
+    assert feet_from_metres(other["s_m"].to_numpy() - first)[3] == pytest.approx(-500)
+    assert feet_from_metres(own["d_m"].to_numpy()) == pytest.approx(-12)  # a shoulder of 6 ft
+    assert feet_from_metres(other["d_m"].to_numpy()) == pytest.approx(36)  # two lanes and a shoulder of 6 ft
+    assert own["heading_rad"].to_numpy() == pytest.approx(0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "lane_count", "codes"),
+    [
+        ({}, 1, ["W1-4R", "W20-1"]),
+        ({}, 2, ["W1-4bR", "W20-1"]),
+        ({}, 4, ["W1-4cR", "W20-1"]),
+        ({"closed_shoulder": "right"}, 2, ["W1-4bL", "W20-1"]),
+    ],
+)
+def test_reverse_curve_shows_an_arrow_a_lane_away_from_the_closed_side(
+    changes: dict[str, object], lane_count: int, codes: list[str]
+) -> None:
+    zone = paper_work_zone(road_type="rural", closed_lanes=(), shift_ft=4, shifted_lane_width_ft=None, **changes)
+    signs = lay_out(zone, paper_road(lane_count=lane_count)).signs["code"].tolist()
+    assert [signs[2], signs[0]] == codes
+
+
+def test_shoulder_closed_on_the_right_is_announced_for_the_right() -> None:
+    layout = paper_layout(road_type="rural", closed_lanes=(), closed_shoulder="right", shift_ft=0, shifted_lane_width_ft=None)
+    assert layout.signs["code"].tolist() == ["W20-1", "W21-5bR", "W21-5aR", "G20-2"]
+    assert layout.signs["text"].tolist()[1:3] == ["RIGHT SHOULDER CLOSED AHEAD", "RIGHT SHOULDER CLOSED"]
