@@ -11,7 +11,7 @@ from wzsumo.road import Profile, Road, RoadSpec
 UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
 
 
-def closure(road: Road | None = None, **changes: object) -> Closure:
+def closure(road: Road | None = None, /, **changes: object) -> Closure:
     return closure_of(paper_work_zone(**{"closed_shoulder": None, **UNSHIFTED} | changes), road or paper_road())
 
 

@@ -6,7 +6,7 @@ from builders import paper_layout, paper_road, paper_work_zone
 
 from wzsumo.frames import FloatArray
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.work_zone import WorkZoneLayout
+from wzsumo.work_zone import DEVICE_COLUMNS, WorkZoneLayout
 
 UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
 CONE_FT = 7 / 12  # radius
@@ -25,7 +25,9 @@ def offset_ft(layout: WorkZoneLayout, at_ft: float) -> float:
 def test_devices_of_the_paper_zone_stand_at_the_manuals_spacings_one_at_each_joint() -> None:
     # 240 ft at 60 ft, 720 at 60, 360 at 120, 360 at 60, 570 at 114, 650 at 108.3, 360 at 60, 100 at 20 ft.
     gaps = [60] * 4 + [60] * 12 + [120] * 3 + [60] * 6 + [114] * 5 + [650 / 6] * 6 + [60] * 6 + [20] * 5
-    assert stations_ft(paper_layout()) == pytest.approx(np.cumsum([0, *gaps]))
+    layout = paper_layout()
+    assert stations_ft(layout) == pytest.approx(np.cumsum([0, *gaps]))
+    assert tuple(layout.devices.columns) == DEVICE_COLUMNS
 
 
 @pytest.mark.parametrize(

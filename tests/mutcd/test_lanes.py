@@ -56,8 +56,8 @@ def test_lanes_of_the_paper_zone_share_what_is_left_between_the_lines(
 
 def test_closed_lane_ends_with_its_taper_and_begins_anew_where_the_zone_ends() -> None:
     closing, reopened = [lane for lane in PAPER.lanes if lane.index == 2]
-    assert (closing.start, closing.end) == (0, pytest.approx(PAPER.area("merging taper").end))
-    assert (reopened.start, reopened.end) == (pytest.approx(PAPER.end), PAPER.road.length)
+    assert (closing.start, closing.end) == pytest.approx((0, PAPER.area("merging taper").end))
+    assert (reopened.start, reopened.end) == pytest.approx((PAPER.end, PAPER.road.length))
     assert lines_ft(reopened, reopened.start) == (24, 36)
 
 

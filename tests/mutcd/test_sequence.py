@@ -12,12 +12,12 @@ UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
 BY_TURNS = {"posted_speed_mph": 45, "closed_lanes": (0,), "closed_shoulder": "right", **UNSHIFTED, "one_lane_two_way": "signal"}
 
 
-def stretches(road: Road | None = None, **changes: object) -> tuple[Stretch, ...]:
+def stretches(road: Road | None = None, /, **changes: object) -> tuple[Stretch, ...]:
     zone = paper_work_zone(**changes)
     return stretches_of(zone, closure_of(zone, road or paper_road()))[1]
 
 
-def lengths_ft(road: Road | None = None, **changes: object) -> dict[str, float]:
+def lengths_ft(road: Road | None = None, /, **changes: object) -> dict[str, float]:
     return {stretch.name: round(stretch.length / 0.3048, 6) for stretch in stretches(road, **changes)}
 
 
@@ -111,6 +111,8 @@ def test_line_of_devices_follows_the_closing_lanes_and_the_shift_and_comes_back(
     assert outer_and_open_edge_ft() == [(36, 0), (24, 0), (24, 0), (12, -10), (12, -10), (12, -10), (24, 0), (36, 0)]
     two_lanes = outer_and_open_edge_ft(closed_lanes=(1, 2), **UNSHIFTED)
     assert two_lanes == [(36, 0), (24, 0), (24, 0), (12, 0), (12, 0), (12, 0), (36, 0)]
+    narrowed = outer_and_open_edge_ft(shift_ft=0)  # two lanes of 11 ft, from the devices on
+    assert narrowed == [(36, 0), (24, 0), (24, 0), (24, 2), (24, 2), (24, 2), (24, 0), (36, 0)]
     shoulder = outer_and_open_edge_ft(closed_lanes=(), **UNSHIFTED)
     assert shoulder == [(36, 0), (36, 0), (36, 0), (48, 0)]
 

@@ -18,16 +18,21 @@ EDGES = edges_of(paper_layout())
 ROAD_BOTH_WAYS = paper_road(opposing_lane_count=2)
 
 
-def demand(folder, *, seed=1, **changes):
-    return write_demand(EDGES, folder, spec=DemandSpec(**changes), speed=SPEED, seed=seed)
+def demand(folder: Path, *, seed: int = 1, **changes: object) -> Path:
+    return write_demand(EDGES, folder, spec=DemandSpec.model_validate(changes), speed=SPEED, seed=seed)
 
 
-def vehicles(path):
-    return ET.parse(path).getroot().findall("vehicle")  # noqa: S314 our own file
+def elements(path: Path, tag: str) -> list[dict[str, str]]:
+    """Attributes of the elements of the route file with that tag."""
+    return [element.attrib for element in ET.parse(path).getroot().findall(tag)]  # noqa: S314 a file that we have just written
 
 
-def within_5_sd(count, *, n, p):
-    return abs(count - n * p) <= 5 * np.sqrt(n * p * (1 - p))
+def vehicles(path: Path) -> list[dict[str, str]]:
+    return elements(path, "vehicle")
+
+
+def within_5_sd(count: int, *, n: int, p: float) -> bool:
+    return bool(abs(count - n * p) <= 5 * np.sqrt(n * p * (1 - p)))
 
 
 def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) -> None:
@@ -37,10 +42,10 @@ def test_same_seed_gives_the_same_bytes_and_another_seed_others(tmp_path: Path) 
 
 
 def test_vehicles_are_sorted_by_departure_within_the_duration(tmp_path: Path) -> None:
-    departs = [float(v.get("depart")) for v in vehicles(demand(tmp_path, duration_s=900))]
+    departs = [float(v["depart"]) for v in vehicles(demand(tmp_path, duration_s=900))]
     assert departs == sorted(departs)
     assert 0 <= departs[0] < departs[-1] < 900
-    ids = [v.get("id") for v in vehicles(demand(tmp_path))]
+    ids = [v["id"] for v in vehicles(demand(tmp_path))]
     assert len(set(ids)) == len(ids)
     assert sorted(ids) == ids
 
@@ -54,7 +59,7 @@ def test_number_of_vehicles_is_poisson_with_the_flow(tmp_path: Path, flow_vph: i
 
 def test_arrivals_follow_the_flow_profile(tmp_path: Path) -> None:
     profile = ((0, 600), (1800, 2400))
-    departs = np.array([float(v.get("depart")) for v in vehicles(demand(tmp_path, flow_profile=profile, duration_s=3600))])
+    departs = np.array([float(v["depart"]) for v in vehicles(demand(tmp_path, flow_profile=profile, duration_s=3600))])
     for count, mean in (((departs < 1800).sum(), 300), ((departs >= 1800).sum(), 1200)):
         assert abs(count - mean) <= 5 * np.sqrt(mean)
 
@@ -66,12 +71,12 @@ def test_profile_of_one_flow_gives_the_same_bytes_as_that_flow(tmp_path: Path) -
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.4])
 def test_share_of_trucks_is_binomial(tmp_path: Path, share: float) -> None:
-    types = [v.get("type") for v in vehicles(demand(tmp_path, truck_share=share, duration_s=7200))]
+    types = [v["type"] for v in vehicles(demand(tmp_path, truck_share=share, duration_s=7200))]
     assert within_5_sd(sum(t.startswith("truck") for t in types), n=len(types), p=share)
 
 
 def test_longer_duration_starts_with_the_departures_of_the_shorter(tmp_path: Path) -> None:
-    short, long = ([v.get("depart") for v in vehicles(demand(tmp_path, duration_s=t))] for t in (300, 600))
+    short, long = ([v["depart"] for v in vehicles(demand(tmp_path, duration_s=t))] for t in (300, 600))
     assert len(short) > 80
     assert long[: len(short)] == short
     assert float(long[len(short)]) >= 300
@@ -79,43 +84,42 @@ def test_longer_duration_starts_with_the_departures_of_the_shorter(tmp_path: Pat
 
 def test_lane_use_is_followed_and_trucks_keep_out_of_the_left_lane(tmp_path: Path) -> None:
     all_ = vehicles(demand(tmp_path, lane_use=(0.2, 0.3, 0.5), truck_share=0.3, duration_s=7200))
-    cars = [int(v.get("departLane")) for v in all_ if v.get("type").startswith("car")]
-    trucks = [int(v.get("departLane")) for v in all_ if v.get("type").startswith("truck")]
+    cars = [int(v["departLane"]) for v in all_ if v["type"].startswith("car")]
+    trucks = [int(v["departLane"]) for v in all_ if v["type"].startswith("truck")]
     assert all(within_5_sd(cars.count(lane), n=len(cars), p=p) for lane, p in enumerate((0.2, 0.3, 0.5)))
     assert set(trucks) == {0, 1}
 
 
 def test_every_vehicle_has_a_type_and_drives_the_whole_road(tmp_path: Path) -> None:
     path = demand(tmp_path)
-    root = ET.parse(path).getroot()  # noqa: S314 our own file
-    assert {v.get("type") for v in root.findall("vehicle")} <= {t.get("id") for t in root.findall("vType")}
-    assert root.find("route").get("edges").split() == [edge.id for edge in EDGES]
+    assert {v["type"] for v in vehicles(path)} <= {t["id"] for t in elements(path, "vType")}
+    assert [route["edges"].split() for route in elements(path, "route")] == [[edge.id for edge in EDGES]]
 
 
 def test_drivers_begin_to_merge_within_the_given_distances(tmp_path: Path) -> None:
-    types = ET.parse(demand(tmp_path, merge_ahead_m=(150, 400))).getroot().findall("vType")  # noqa: S314 our own file
+    types = elements(demand(tmp_path, merge_ahead_m=(150, 400)), "vType")
     # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right.
-    ahead = [float(t.get("lcStrategic")) * SPEED * 10 for t in types]
+    ahead = [float(t["lcStrategic"]) * SPEED * 10 for t in types]
     assert 149 < min(ahead) < 200
     assert 350 < max(ahead) < 401
 
 
 def test_drivers_of_a_table_set_the_vehicle_types(tmp_path: Path) -> None:
     table = {"tau_s": 1.7, "accel_mps2": 1.1, "truck_tau_s": 3.1, "truck_accel_mps2": 0.6, "sigma": 0.3, "lc_assertive": 1.2}
-    types = ET.parse(demand(tmp_path, drivers=table)).getroot().findall("vType")  # noqa: S314 our own file
-    values = {t.get("vClass"): [t.get(k) for k in ("tau", "accel", "sigma", "lcAssertive")] for t in types}
+    types = elements(demand(tmp_path, drivers=table), "vType")
+    values = {t["vClass"]: [t[k] for k in ("tau", "accel", "sigma", "lcAssertive")] for t in types}
     assert values == {"passenger": ["1.7", "1.1", "0.3", "1.2"], "truck": ["3.1", "0.6", "0.3", "1.2"]}
 
 
 @pytest.mark.parametrize("name", DRIVER_PRESETS)
-def test_preset_is_found_by_its_name_and_read_back_from_an_effective_spec(name) -> None:
+def test_preset_is_found_by_its_name_and_read_back_from_an_effective_spec(name: str) -> None:
     spec = parse_spec(DemandSpec, {"drivers": name}, source="demand")
     assert spec.drivers == DRIVER_PRESETS[name]
     assert parse_spec(DemandSpec, spec.model_dump(mode="json"), source="effective") == spec
 
 
 @pytest.mark.parametrize("name", [name for name in DRIVER_PRESETS if name.startswith("hcm_")])
-def test_fitted_presets_name_the_step_and_the_lateral_resolution_that_the_toolkit_runs(name) -> None:
+def test_fitted_presets_name_the_step_and_the_lateral_resolution_that_the_toolkit_runs(name: str) -> None:
     fitted, runs = DRIVER_PRESETS[name], SimulationSpec()
     assert fitted.calibrated_step_length_s == runs.step_length_s
     assert fitted.calibrated_lateral_resolution_m == runs.lateral_resolution_m
@@ -152,9 +156,9 @@ def test_demand_whose_drivers_only_the_zone_decides_is_not_written_without_one(t
         demand(tmp_path, drivers="hcm")
 
 
-def test_nobody_brakes_harder_than_the_service_brake(tmp_path: Path) -> None:
-    types = ET.parse(demand(tmp_path)).getroot().findall("vType")  # noqa: S314 our own file
-    assert {(t.get("vClass"), t.get("decel"), t.get("emergencyDecel")) for t in types} == {
+def test_drivers_brake_no_harder_than_the_service_brake(tmp_path: Path) -> None:
+    types = elements(demand(tmp_path), "vType")
+    assert {(t["vClass"], t["decel"], t["emergencyDecel"]) for t in types} == {
         ("passenger", "4.5", "4.5"),
         ("truck", "4", "4"),
     }
@@ -187,7 +191,7 @@ def test_drivers_refuse_a_step_or_a_lateral_model_that_they_were_not_calibrated_
         ({"drivers": {"tau": 1}}, "drivers.tau: unknown key .*tau_s"),
     ],
 )
-def test_demand_that_cannot_be_is_refused(changes, rule: str) -> None:
+def test_demand_that_is_impossible_is_refused_with_the_rule(changes: dict[str, object], rule: str) -> None:
     with pytest.raises(SpecError, match=rule):
         parse_spec(DemandSpec, changes, source="demand")
 
@@ -195,11 +199,11 @@ def test_demand_that_cannot_be_is_refused(changes, rule: str) -> None:
 def test_opposing_vehicles_depart_on_their_own_route_and_leave_the_others_as_they_are(tmp_path: Path) -> None:
     back = opposing_edges_of(lay_out(paper_work_zone(closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None), ROAD_BOTH_WAYS))
     assert back
-    alone = [v.attrib for v in vehicles(demand(tmp_path))]
+    alone = vehicles(demand(tmp_path))
     spec = DemandSpec(opposing_flow_vph=600)
     both = vehicles(write_demand(EDGES, tmp_path, spec=spec, speed=SPEED, seed=1, opposing=back))
-    assert [v.attrib for v in both if v.get("route") == "through"] == alone
-    opposing = [v for v in both if v.get("route") == "opposing"]
+    assert [v for v in both if v["route"] == "through"] == alone
+    opposing = [v for v in both if v["route"] == "opposing"]
     assert abs(len(opposing) - 200) <= 5 * np.sqrt(200)  # 600 veh/h for 1200 s
-    departs = [float(v.get("depart")) for v in both]
+    departs = [float(v["depart"]) for v in both]
     assert departs == sorted(departs)

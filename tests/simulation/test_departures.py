@@ -6,6 +6,7 @@ from builders import paper_layout
 from wzsumo.errors import SpecError
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.departures import check_departures, lane_departure_vph
+from wzsumo.simulation.drivers import DriverSpec
 from wzsumo.simulation.files import SimulationSpec, write_sumo_files
 from wzsumo.simulation.fleet import run_to_end
 from wzsumo.simulation.trips import TRIP_OPTIONS, read_trips, trips_file
@@ -13,13 +14,14 @@ from wzsumo.simulation.trips import TRIP_OPTIONS, read_trips, trips_file
 SPEED = 26.8224  # m/s, 60 mph
 
 
-def check(*, n_lanes=3, n_opposing=0, **demand) -> None:
-    check_departures(DemandSpec(**demand), n_lanes=n_lanes, n_opposing=n_opposing, speed=SPEED)
+def check(*, n_lanes: int = 3, n_opposing: int = 0, **demand: object) -> None:
+    check_departures(DemandSpec.model_validate(demand), n_lanes=n_lanes, n_opposing=n_opposing, speed=SPEED)
 
 
 @pytest.mark.parametrize("tau_s", [1.0, 1.6])
 def test_demand_without_end_departs_as_fast_as_the_rule_says_within_a_tenth(tmp_path: Path, tau_s: float) -> None:
-    spec = SimulationSpec(demand=DemandSpec(flow_vph=12000, truck_share=0, duration_s=120, drivers={"tau_s": tau_s}))
+    demand = DemandSpec(flow_vph=12000, truck_share=0, duration_s=120, drivers=DriverSpec(tau_s=tau_s))
+    spec = SimulationSpec(demand=demand)
     open_road = paper_layout(closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None)
     files = write_sumo_files(open_road, tmp_path, spec=spec, seed=5)
     outputs = ("--tripinfo-output", str(trips_file(files)), *TRIP_OPTIONS)

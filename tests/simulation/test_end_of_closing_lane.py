@@ -1,6 +1,8 @@
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
+import pandas as pd
 import pytest
 import shapely
 from builders import paper_layout, paper_work_zone
@@ -11,18 +13,19 @@ from wzsumo.road import RoadSpec
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.network import write_network
 from wzsumo.units import METRES_PER_FOOT
+from wzsumo.work_zone import WorkZoneLayout
 
-HALF_OVER_M = 1.6  # from the middle of the open lane: a car 1.85 m wide then reaches 0.7 m over the line
+ASTRIDE_M = 1.6  # from the middle of the open lane: a car 1.85 m wide then reaches 0.7 m over the line
 LENGTH_M, WIDTH_M = 4.8, 1.85
 
 
-def closing_layout(closed, shoulder):
+def closing_layout(closed: tuple[int, ...], shoulder: str) -> WorkZoneLayout:
     zone = paper_work_zone(closed_lanes=closed, closed_shoulder=shoulder, shift_ft=0, shifted_lane_width_ft=None)
     return lay_out(zone, RoadSpec(lane_count=3, left_shoulder_ft=12, right_shoulder_ft=12, length_ft=6000).build())
 
 
-def traces_of_two(layout, folder, *, side):
-    """Of a car half over the line where the lane on one side (1: left) of lane 1 ends, and of one that stands beside it."""
+def traces_of_two(layout: WorkZoneLayout, folder: Path, *, side: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Of a car astride the line where the lane on one side (1: left) of lane 1 ends, and of one that stands beside it."""
     net, edges = write_network(layout, folder), edges_of(layout)
     first_without = next(number for number, edge in enumerate(edges) if len(edge.through_lanes) < len(edge.lanes))
     last_with = edges[first_without - 1]
@@ -32,7 +35,7 @@ def traces_of_two(layout, folder, *, side):
     rows = driven(
         net,
         f'<vType id="car" length="4.8" width="1.85"/><route id="on" edges="{edge_ids}"/>'
-        f'<vehicle id="merging" {at} departPos="{length - 0.1:.2f}" departPosLat="{side * HALF_OVER_M}" departSpeed="0.5"/>'
+        f'<vehicle id="merging" {at} departPos="{length - 0.1:.2f}" departPosLat="{side * ASTRIDE_M}" departSpeed="0.5"/>'
         f'<vehicle id="beside" {at} departPos="{length - 1.5:.2f}" departSpeed="0"/>',
         folder,
     )
@@ -42,8 +45,8 @@ def traces_of_two(layout, folder, *, side):
 @pytest.mark.parametrize(
     ("closed", "shoulder", "side"), [((2,), "left", 1), ((0,), "right", -1)], ids=["left lane closes", "right lane closes"]
 )
-def test_car_half_over_the_line_at_the_end_of_its_lane_goes_on_though_somebody_stands_beside_it(
-    tmp_path: Path, closed, shoulder: str, side: int
+def test_car_astride_the_line_at_the_end_of_its_lane_drives_on_though_another_stands_beside_it(
+    tmp_path: Path, closed: tuple[int, ...], shoulder: str, side: int
 ) -> None:
     merging, beside = traces_of_two(closing_layout(closed, shoulder), tmp_path, side=side)
     for car in (merging, beside):
@@ -51,8 +54,8 @@ def test_car_half_over_the_line_at_the_end_of_its_lane_goes_on_though_somebody_s
     assert merging["lane"].iloc[0] != merging["lane"].iloc[-1]
 
 
-def outlines_of_one_half_over(layout, folder):
-    """Of a car half over the line of the closing left lane, past a row of cars that stand and leave it no room in theirs."""
+def outlines_of_one_astride(layout: WorkZoneLayout, folder: Path) -> npt.NDArray[np.object_]:
+    """Of a car astride the line of the closing left lane, beside a row of cars that stand and leave it no gap in their lane."""
     net, edges = write_network(layout, folder), edges_of(layout)
     narrow = next(number for number, edge in enumerate(edges) if len(edge.through_lanes) < len(edge.lanes))
     reach = edges[narrow].end - edges[narrow].start
@@ -66,24 +69,24 @@ def outlines_of_one_half_over(layout, folder):
         net,
         f'<vType id="stands" {size} maxSpeed="0.01"/><vType id="half" {size}/>'
         f'<route id="row" edges="{" ".join(ids[narrow:])}"/><route id="on" edges="{" ".join(ids[narrow - 1 :])}"/>'
-        f'<vehicle id="half" type="half" route="on" {at} departPos="1" departPosLat="{HALF_OVER_M}" departSpeed="5"/>{row}',
+        f'<vehicle id="half" type="half" route="on" {at} departPos="1" departPosLat="{ASTRIDE_M}" departSpeed="5"/>{row}',
         folder,
     )
     return outlines_in(rows[rows["id"] == "half"], length=LENGTH_M, width=WIDTH_M)
 
 
-def test_driver_who_finds_no_room_beside_him_waits_over_the_line_of_a_closing_lane_before_he_reaches_the_devices(
+def test_car_that_finds_no_gap_waits_astride_the_line_of_a_closing_lane_before_it_reaches_the_devices(
     tmp_path: Path,
 ) -> None:
     layout = closing_layout((2,), "left")
-    outlines = outlines_of_one_half_over(layout, tmp_path)
+    outlines = outlines_of_one_astride(layout, tmp_path)
     over_the_line_m = shapely.bounds(outlines)[:, 3] - 24 * METRES_PER_FOOT
     assert over_the_line_m.min() > 0.4
     assert shapely.bounds(outlines)[-1, 2] > layout.area("merging taper").start + 0.6 * layout.area("merging taper").length
     assert not shapely.intersects(layout.closed_area, outlines).any()
 
 
-def test_nobody_drives_on_what_is_left_of_a_closed_lane() -> None:
+def test_remnant_of_a_closing_lane_is_no_through_lane() -> None:
     edge = next(edge for edge in edges_of(paper_layout()) if len(edge.through_lanes) < len(edge.lanes))
     assert [lane.index for lane in edge.through_lanes] == [0, 1]
     assert [lane.index for lane in edge.lanes] == [0, 1, 2]

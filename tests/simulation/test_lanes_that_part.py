@@ -1,22 +1,25 @@
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import pandas as pd
 import pytest
 import shapely
 from builders import paper_layout, paper_road, paper_work_zone
 from sumo_runs import driven, outlines_in
 
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.simulation.demand import LANE_KEEPING, DemandSpec, write_demand
+from wzsumo.simulation.demand import DemandSpec, write_demand
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.network import write_network
+from wzsumo.work_zone import WorkZoneLayout
 
-HALF_OVER_M = 1.5  # from the middle of his lane: a car 1.85 m wide then reaches 0.6 m over the line
-AHEAD_M = 105  # of the nose: nobody may change lanes from 100 m on
+HALF_OVER_M = 1.5  # from the middle of its lane: a car 1.85 m wide then reaches 0.6 m over the line
+AHEAD_M = 105  # of the nose: no vehicle may change lanes from 100 m on
 SPEED = 25.0  # m/s
 
 
-def interior_layout():
+def interior_layout() -> WorkZoneLayout:
     zone = paper_work_zone(closed_lanes=(1,), closed_shoulder="left", shift_ft=0, shifted_lane_width_ft=None)
     return lay_out(zone, paper_road(length_ft=7000))
 
@@ -25,21 +28,20 @@ LAYOUT = interior_layout()
 NOSE = LAYOUT.area("shifting taper").start
 
 
-def traces_of_one_half_over(folder, *, lane, others):
-    """Of a car half over the line to the other lane, with `others` in its lane, fronts so many metres ahead of its own."""
+def traces_of_one_astride(folder: Path, *, lane: int, others: Sequence[float]) -> pd.DataFrame:
+    """Of a car astride the line to the other lane, with `others` in its lane, fronts so many metres ahead of its own."""
     net, edges = write_network(LAYOUT, folder), edges_of(LAYOUT)
     first = max(number for number, edge in enumerate(edges) if edge.start < NOSE - AHEAD_M)
     position = NOSE - AHEAD_M - edges[first].start
     towards = 1 if lane == 0 else -1
     at = f'type="car" route="on" depart="0" insertionChecks="none" departLane="{lane}" departSpeed="{SPEED}"'
-    habits = " ".join(f'{key}="{value}"' for key, value in LANE_KEEPING.items())
     beside = "".join(
         f'<vehicle id="other_{n}" {at} departPos="{position + gap:.2f}" departPosLat="{-0.5 * towards}"/>'
         for n, gap in enumerate(others)
     )
     rows = driven(
         net,
-        f'<vType id="car" length="4.8" width="1.85" speedFactor="1" sigma="0" {habits}/>'
+        f'<vType id="car" length="4.8" width="1.85" speedFactor="1" sigma="0" lcLaneDiscipline="1" lcSublane="10"/>'
         f'<route id="on" edges="{" ".join(edge.id for edge in edges[first:])}"/>'
         f'<vehicle id="half" {at} departPos="{position:.2f}" departPosLat="{HALF_OVER_M * towards}"/>{beside}',
         folder,
@@ -48,11 +50,11 @@ def traces_of_one_half_over(folder, *, lane, others):
 
 
 @pytest.mark.parametrize("lane", [0, 1], ids=["right lane", "left lane"])
-@pytest.mark.parametrize("others", [(0,), (8,), (0, 10, 20, -10, -20)], ids=["beside him", "ahead of him", "a platoon"])
-def test_driver_half_over_the_line_falls_back_into_his_lane_before_the_nose_and_never_stands(
-    tmp_path: Path, lane: int, others
+@pytest.mark.parametrize("others", [(0,), (8,), (0, 10, 20, -10, -20)], ids=["beside it", "ahead of it", "a platoon"])
+def test_car_astride_the_line_falls_back_into_its_lane_before_the_nose_and_never_stands(
+    tmp_path: Path, lane: int, others: Sequence[float]
 ) -> None:
-    rows = traces_of_one_half_over(tmp_path, lane=lane, others=others)
+    rows = traces_of_one_astride(tmp_path, lane=lane, others=others)
     outlines = outlines_in(rows, length=4.8, width=1.85)
     station = shapely.get_x(shapely.centroid(outlines))  # the road runs along +x
     assert station[0] < NOSE - 100
@@ -61,16 +63,18 @@ def test_driver_half_over_the_line_falls_back_into_his_lane_before_the_nose_and_
     assert rows["speed"].min() > 5
 
 
-def test_drivers_keep_to_a_lane_where_lanes_part_and_nowhere_else(tmp_path: Path):
-    def habits_beside(layout):
+def test_drivers_keep_to_a_lane_where_lanes_part_and_nowhere_else(tmp_path: Path) -> None:
+    def keep_to_a_lane(layout: WorkZoneLayout) -> bool:
         path = write_demand(edges_of(layout), tmp_path, spec=DemandSpec(), speed=SPEED, seed=1)
-        return "lcLaneDiscipline" in path.read_text()
+        return 'lcLaneDiscipline="1" lcSublane="10"' in path.read_text()
 
-    assert habits_beside(LAYOUT)
-    assert not habits_beside(paper_layout())
+    assert keep_to_a_lane(LAYOUT)
+    assert not keep_to_a_lane(paper_layout())
 
 
-def test_closed_ground_between_two_lanes_is_a_lane_that_bars_everybody_from_the_nose_to_where_it_ends(tmp_path: Path) -> None:
+def test_closed_ground_between_two_lanes_is_a_lane_that_bars_every_vehicle_from_the_nose_to_where_it_ends(
+    tmp_path: Path,
+) -> None:
     net = ET.parse(write_network(LAYOUT, tmp_path)).getroot()  # noqa: S314 our own file
     for edge in edges_of(LAYOUT):
         allowed = [lane.get("allow") for lane in net.findall(f"edge[@id='{edge.id}']/lane")]

@@ -1,3 +1,4 @@
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -6,40 +7,44 @@ import numpy as np
 import pytest
 from builders import bent_road, paper_layout, paper_road, paper_work_zone
 
+from wzsumo.frames import FloatArray
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.network import write_network
+from wzsumo.work_zone import WorkZoneLayout
+
+NetLane = tuple[str, FloatArray, FloatArray, float, str]
 
 UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
 NARROWEST_FT = 8  # a closing lane ends where it is narrower
 
 
-def is_thin(lane):
-    """Whether a lane of the net file is what is left of a closing lane past its end, or the gore between two lanes."""
-    return float(lane.get("width")) == 0.1
+def is_thin(lane: ET.Element) -> bool:
+    """Whether a lane of the net file is the remnant of a closing lane or a gore."""
+    return float(lane.attrib["width"]) == 0.1
 
 
-def lanes_of_net(layout, folder):
-    """(edge id, stations, offsets, width) of every lane in the net file that leads on or closes, in order, from the right."""
-    net = ET.parse(write_network(layout, folder))  # noqa: S314 our own file
+def lanes_of_net(layout: WorkZoneLayout, folder: Path) -> Iterator[NetLane]:
+    """(edge id, stations, offsets, width, barred classes) of every through lane in the net file, in order, from the right."""
+    net = ET.parse(write_network(layout, folder))  # noqa: S314 a file that netconvert has just written
     for edge in net.getroot().findall("edge"):
         if edge.get("function") == "internal":
             continue
         for lane in edge.findall("lane"):
             if is_thin(lane):
                 continue
-            points = np.array([p.split(",")[:2] for p in lane.get("shape").split()], dtype=float)
+            points = np.array([p.split(",")[:2] for p in lane.attrib["shape"].split()], dtype=float)
             s, d = layout.road.to_sd(points)
-            yield edge.get("id"), s, d, float(lane.get("width")), lane.get("disallow", "")
+            yield edge.attrib["id"], s, d, float(lane.attrib["width"]), lane.get("disallow", "")
 
 
-def open_lines(layout, s):
+def open_lines(layout: WorkZoneLayout, s: float) -> FloatArray:
     """Right and left lines (n, 2) [m] of the lanes that are open at station s and wide enough, from the right."""
     lines = [(float(q.right(s)), float(q.left(s))) for q in layout.lanes if q.start <= s < q.end]
     return np.array(sorted(line for line in lines if line[1] - line[0] >= NARROWEST_FT * 0.3048 - 1e-6))
 
 
-LAYOUTS = {
+LAYOUTS: dict[str, Callable[[], WorkZoneLayout]] = {
     "paper": paper_layout,
     "left bend": lambda: lay_out(paper_work_zone(), bent_road(2500)),
     "right bend": lambda: lay_out(paper_work_zone(), bent_road(-2500)),
@@ -51,9 +56,9 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_lane_centre_lines_in_the_net_match_the_layout_within_1_cm(tmp_path: Path, name) -> None:
+def test_lane_centre_lines_in_the_net_match_the_layout_within_1_cm(tmp_path: Path, name: str) -> None:
     layout = LAYOUTS[name]()
-    by_edge = {}
+    by_edge: dict[str, list[tuple[FloatArray, FloatArray, float]]] = {}
     for edge, s, d, width, _ in lanes_of_net(layout, tmp_path):
         by_edge.setdefault(edge, []).append((s, d, width))
     assert len(by_edge) > 10
@@ -84,7 +89,8 @@ def test_edges_cover_the_road_without_a_gap() -> None:
     layout = paper_layout()
     edges = edges_of(layout)
     assert [e.end for e in edges[:-1]] == [e.start for e in edges[1:]]
-    assert (edges[0].start, edges[-1].end) == (0, pytest.approx(layout.road.length))
+    assert edges[0].start == 0
+    assert edges[-1].end == pytest.approx(layout.road.length)
 
 
 def test_closed_lane_ends_inside_the_merging_taper_where_it_is_8_ft_wide(tmp_path: Path) -> None:
@@ -103,10 +109,10 @@ def test_closed_lane_ends_inside_the_merging_taper_where_it_is_8_ft_wide(tmp_pat
 
 def test_every_lane_but_the_closing_one_leads_on(tmp_path: Path) -> None:
     layout = paper_layout()
-    net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 our own file
-    leads_on = {(c.get("from"), int(c.get("fromLane"))) for c in net.findall("connection")}
+    net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 a file that netconvert has just written
+    leads_on = {(c.attrib["from"], int(c.attrib["fromLane"])) for c in net.findall("connection")}
     edges = [e for e in net.findall("edge") if e.get("function") != "internal"]
-    lanes = {(e.get("id"), int(lane.get("index"))) for e in edges[:-1] for lane in e.findall("lane") if not is_thin(lane)}
+    lanes = {(e.attrib["id"], int(lane.attrib["index"])) for e in edges[:-1] for lane in e.findall("lane") if not is_thin(lane)}
     ends = lanes - leads_on
     assert len(ends) == 1
     ((edge, index),) = ends
@@ -115,11 +121,11 @@ def test_every_lane_but_the_closing_one_leads_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path: Path, name) -> None:
+def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path: Path, name: str) -> None:
     layout = LAYOUTS[name]()
-    net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 our own file
+    net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 a file that netconvert has just written
     for edge in edges_of(layout):
-        lengths = [float(lane.get("length")) for lane in net.findall(f"edge[@id='{edge.id}']/lane")]
+        lengths = [float(lane.attrib["length"]) for lane in net.findall(f"edge[@id='{edge.id}']/lane")]
         assert lengths == pytest.approx([edge.end - edge.start] * len(edge.lanes), abs=0.01), edge.id
 
 
@@ -128,5 +134,5 @@ def test_lanes_on_a_bend_are_narrower_by_what_a_truck_cuts_on_either_side(tmp_pa
     layout = lay_out(paper_work_zone(closed_lanes=(), **UNSHIFTED), bent_road(radius_ft))
     widths = {width for _, _, _, width, _ in lanes_of_net(layout, tmp_path)}
     lane_m, sagitta_m = 12 * 0.3048, 12.0**2 / (8 * abs(radius_ft) * 0.3048)
-    assert min(widths) == pytest.approx(lane_m - 0.2 - 2 * sagitta_m, abs=0.01)  # a polyline's corners are sharper
+    assert min(widths) == pytest.approx(lane_m - 0.2 - 2 * sagitta_m, abs=0.01)  # a polyline turns more sharply at its corners
     assert max(widths) <= lane_m - 0.2 + 0.0005

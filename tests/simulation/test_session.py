@@ -1,20 +1,24 @@
 """What SUMO does with an ego that moveToXY places: one test for each way in which it goes wrong if it is done naively."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from builders import bent_road, paper_layout, paper_work_zone
 
 from wzsumo.ego import EgoState
-from wzsumo.frames import advance
+from wzsumo.frames import FloatArray, advance
 from wzsumo.metrics.conflicts import boxes_overlap
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec
+from wzsumo.simulation.edges import Edge
 from wzsumo.simulation.ego_bodies import bodies_in_lanes
-from wzsumo.simulation.files import SimulationSpec, write_sumo_files
-from wzsumo.simulation.session import EGO_ID, LaneBody, running
+from wzsumo.simulation.files import SimulationSpec, SumoFiles, write_sumo_files
+from wzsumo.simulation.session import EGO_ID, LaneBody, Session, running
+from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 
 LAYOUT = paper_layout(start_ft=3800, work_length_ft=100, closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None)
@@ -24,12 +28,22 @@ FINE = ("--step-length", "0.05", "--default.action-step-length", "0.1")
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory):
+def files(tmp_path_factory: pytest.TempPathFactory) -> SumoFiles:
     spec = SimulationSpec(demand=DemandSpec(flow_vph=1800, duration_s=200, truck_share=0.1))
     return write_sumo_files(LAYOUT, tmp_path_factory.mktemp("session"), spec=spec, seed=3)
 
 
-def drive(session, files, *, y, x=250.0, speed=10.0, duration_s=5.0, step_s=0.05, shown=True):
+def drive(
+    session: Session,
+    files: SumoFiles,
+    *,
+    y: float,
+    x: float = 250.0,
+    speed: float = 10.0,
+    duration_s: float = 5.0,
+    step_s: float = 0.05,
+    in_all_lanes: bool = True,
+) -> Iterator[tuple[EgoState, Traffic]]:
     """Yield (state, traffic) after each step of an ego that goes straight ahead at y."""
     lane = int(np.clip(y // LANE, 0, 2))
     session.request_ego(CAR, edge=files.edges[0].id, lane=lane, position=x + CAR.axle_to_bumper_m, speed=speed)
@@ -39,32 +53,34 @@ def drive(session, files, *, y, x=250.0, speed=10.0, duration_s=5.0, step_s=0.05
     traffic = session.traffic()
     for step in range(1, int(duration_s / step_s) + 1):
         state = EgoState(x=x + speed * step_s * step, y=y, heading=0.0, speed=speed)
-        parts = bodies_in_lanes(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
-        session.place_ego(parts if shown else parts[:1], speed=speed)
+        ego_bodies = bodies_in_lanes(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
+        session.place_ego(ego_bodies if in_all_lanes else ego_bodies[:1], speed=speed)
         session.step()
         traffic = session.traffic()
         yield state, traffic
 
 
-def sumo_bumper(session):
+def sumo_bumper(session: Session) -> FloatArray:
     return np.array(session._sumo.vehicle.getPosition(EGO_ID))
 
 
-@pytest.mark.parametrize(("y", "shown_at"), [(1.5 * LANE, 1.5 * LANE), (1.5 * LANE + 0.15, 1.5 * LANE + 0.15), (-1.6, 0.45)])
-def test_body_is_exactly_where_it_was_put_and_not_snapped_to_the_middle_of_its_lane(files, y, shown_at) -> None:
+@pytest.mark.parametrize(("y", "body_y"), [(1.5 * LANE, 1.5 * LANE), (1.5 * LANE + 0.15, 1.5 * LANE + 0.15), (-1.6, 0.45)])
+def test_body_is_exactly_where_it_was_put_and_not_snapped_to_the_middle_of_its_lane(
+    files: SumoFiles, y: float, body_y: float
+) -> None:
     with running(files.config, options=FINE) as session:
         for state, _ in drive(session, files, y=y, duration_s=1.0):
-            assert sumo_bumper(session) == pytest.approx([state.x + CAR.axle_to_bumper_m, shown_at], abs=1e-3)
+            assert sumo_bumper(session) == pytest.approx([state.x + CAR.axle_to_bumper_m, body_y], abs=1e-3)
 
 
-def test_speed_that_sumo_sees_has_no_spikes(files) -> None:
+def test_speed_that_sumo_sees_has_no_spikes(files: SumoFiles) -> None:
     with running(files.config, options=FINE) as session:
         for _ in drive(session, files, y=1.5 * LANE, duration_s=3.0):
             assert session._sumo.vehicle.getSpeed(EGO_ID) == pytest.approx(10.0, abs=1e-6)
 
 
-def test_ego_crosses_every_junction_of_the_zone(files) -> None:
-    roads = []
+def test_ego_crosses_every_junction_of_the_zone(files: SumoFiles) -> None:
+    roads: list[str] = []
     with running(files.config, options=FINE) as session:
         for _ in drive(session, files, y=0.5 * LANE, x=1000.0, speed=25.0, duration_s=15.0):
             road = session._sumo.vehicle.getRoadID(EGO_ID)
@@ -99,8 +115,10 @@ def test_ego_on_the_outer_side_of_a_kink_between_two_edges_is_counted_to_the_lan
             assert session._sumo.vehicle.getLaneID(EGO_ID) in (before, across, after)
 
 
-def outer_sides_of_kinks(lane_api, edges, *, aside_m):
-    """Of each lane that bends where its edge ends: those that meet there, and a pose in the wedge that none runs past."""
+def outer_sides_of_kinks(
+    lane_api: Any, edges: tuple[Edge, ...], *, aside_m: float
+) -> Iterator[tuple[tuple[str, str, str], FloatArray]]:
+    """The lanes that meet at each kink between two edges, and a pose in the wedge on its outer side that no lane runs past."""
     for edge in edges[:-1]:
         for lane in [f"{edge.id}_{index}" for index in range(len(edge.lanes))]:
             for following, *_, across_the_node, _, _, _ in lane_api.getLinks(lane):
@@ -114,13 +132,15 @@ def outer_sides_of_kinks(lane_api, edges, *, aside_m):
                     yield (lane, across_the_node, following), np.array([*(ends[-1] + aside), heading])
 
 
-def passers_through(files, *, shown):
+def passers_through(files: SumoFiles, *, in_all_lanes: bool) -> tuple[int, int]:
     """Number of vehicles that pass an ego which straddles a line for 60 s, and of those whose outline overlaps its own."""
-    passed, overlapped, was_behind = set(), set(), set()
+    passed: set[str] = set()
+    overlapped: set[str] = set()
+    was_behind: set[str] = set()
     with running(files.config) as session:
         while session.time < 60:
             session.step()
-        for state, traffic in drive(session, files, y=LANE, x=150.0, duration_s=60, step_s=0.1, shown=shown):
+        for state, traffic in drive(session, files, y=LANE, x=150.0, duration_s=60, step_s=0.1, in_all_lanes=in_all_lanes):
             centre = advance(state.pose, CAR.axle_to_centre_m)
             sizes = np.column_stack([traffic.lengths, traffic.widths])
             hit = boxes_overlap(centre, np.array([CAR.length_m, CAR.width_m]), traffic.poses, sizes)
@@ -134,18 +154,19 @@ def passers_through(files, *, shown):
     return len(passed), len(overlapped)
 
 
-def test_drivers_pass_through_a_straddling_ego_unless_it_is_shown_in_both_lanes(files) -> None:
-    passed, overlapped = passers_through(files, shown=False)
+def test_drivers_pass_through_a_straddling_ego_unless_it_has_a_body_in_both_lanes(files: SumoFiles) -> None:
+    passed, overlapped = passers_through(files, in_all_lanes=False)
     assert passed >= 10
     assert overlapped >= 2  # the trap: SUMO counts the ego to one lane
-    passed, overlapped = passers_through(files, shown=True)
+    passed, overlapped = passers_through(files, in_all_lanes=True)
     assert passed >= 5
     assert overlapped == 0
 
 
-def who_touches_an_ego_that_stands_askew(files, *, as_it_lies):
-    """Ids of those whose outline overlaps an ego that has stopped 0.7 m beside the middle of its lane, turned by 7 degrees."""
-    x, speed, touching = 250.0, 10.0, set()
+def vehicles_that_touch_an_ego_askew(files: SumoFiles, *, as_wide_as_it_lies: bool) -> set[str]:
+    """Ids of the vehicles whose outline overlaps an ego that stands 0.7 m off the middle of its lane, turned by 7 degrees."""
+    x, speed = 250.0, 10.0
+    touching: set[str] = set()
     with running(files.config, options=FINE) as session:
         while session.time < 40:
             session.step()
@@ -159,7 +180,7 @@ def who_touches_an_ego_that_stands_askew(files, *, as_it_lies):
             x += 0.05 * speed
             state = EgoState(x=x, y=1.5 * LANE + 0.7, heading=0.12, speed=speed)
             own, *others = bodies_in_lanes(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
-            if not as_it_lies:
+            if not as_wide_as_it_lies:
                 front = advance(state.pose, CAR.axle_to_bumper_m)
                 own = replace(own, front=front, width=CAR.width_m + 2 * 0.3)
             session.place_ego((own, *others), speed=speed)
@@ -172,15 +193,17 @@ def who_touches_an_ego_that_stands_askew(files, *, as_it_lies):
     return touching
 
 
-def test_drivers_creep_into_the_corner_of_an_ego_that_stands_askew_unless_it_is_shown_as_it_lies(tmp_path: Path) -> None:
+def test_drivers_creep_into_the_corner_of_an_ego_that_stands_askew_unless_its_body_is_as_wide_as_it_lies(
+    tmp_path: Path,
+) -> None:
     spec = SimulationSpec(demand=DemandSpec(flow_vph=1800, duration_s=200, truck_share=0.1))
     files = write_sumo_files(LAYOUT, tmp_path, spec=spec, seed=4)
-    assert who_touches_an_ego_that_stands_askew(files, as_it_lies=False)  # the trap: SUMO lays it along the lane
-    assert not who_touches_an_ego_that_stands_askew(files, as_it_lies=True)
+    assert vehicles_that_touch_an_ego_askew(files, as_wide_as_it_lies=False)  # the trap: SUMO lays it along the lane
+    assert not vehicles_that_touch_an_ego_askew(files, as_wide_as_it_lies=True)
 
 
-def bodies(session):
-    """(name, lane, lateral position in it, width, the lane's width) of what SUMO holds of the ego on the road."""
+def bodies(session: Session) -> Iterator[tuple[str, str, float, float, float]]:
+    """(name, lane, lateral position in it, width, the lane's width) of the ego's bodies in SUMO."""
     api, lane_api = session._sumo.vehicle, session._sumo.lane
     for name in api.getIDList():
         if name.startswith(EGO_ID):
@@ -188,8 +211,10 @@ def bodies(session):
             yield name, lane, api.getLateralLanePosition(name), api.getWidth(name), lane_api.getWidth(lane) if lane else 0.0
 
 
-def test_body_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(files, capfd: pytest.CaptureFixture[str]) -> None:
-    # Drivers keep whom they saw beside them until they act again: SUMO 1.28 crashed over stand-ins that had been removed, at
+def test_body_without_a_lane_stays_inside_the_first_until_it_is_needed_again(
+    files: SumoFiles, capfd: pytest.CaptureFixture[str]
+) -> None:
+    # Drivers remember the vehicles beside them until they act again: SUMO 1.28 crashed over bodies that had been removed, at
     # once or later, and over those that lay beside the road.
     with running(files.config, options=FINE) as session:
         api = session._sumo.vehicle
@@ -212,7 +237,7 @@ def test_body_that_nobody_needs_rides_inside_the_ego_until_it_is_needed_again(fi
 
 
 def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path: Path) -> None:
-    # Nearest to it is the middle of what is left of the closing lane, 0.1 m wide in SUMO: of that it would be off the road.
+    # Nearest to the body is the middle of the closing lane's remnant, 0.1 m wide in SUMO: in that it would be off the road.
     layout = paper_layout()
     spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
     closing = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
@@ -235,14 +260,15 @@ def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path: Pa
 
 
 def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reaches_into_a_second_lane(tmp_path: Path) -> None:
-    # Of such bodies SUMO 1.28 keeps a list of lanes, old after a body has lost its place, over which it has crashed.
+    # SUMO 1.28 keeps a list of lanes for such a body, and has crashed over an old list after the body had lost its place.
     layout = lay_out(paper_work_zone(), bent_road(984.3))
     spec = SimulationSpec(demand=DemandSpec(flow_vph=3000, duration_s=120))
     bent = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
     start, end = (
         next(edge for edge in bent.edges if edge.id.endswith(name)).start for name in ("merging_taper", "activity_area")
     )
-    speed, lanes = 20.0, set()
+    speed = 20.0
+    lanes: set[str] = set()
     with running(bent.config, options=FINE) as session:
         while session.time < 40:
             session.step()
