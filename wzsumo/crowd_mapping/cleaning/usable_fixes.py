@@ -1,6 +1,6 @@
 """Which fixes of anybody's file can be used: row by row, and within each vehicle's own trace.
 
-Nothing is repaired silently: what is left out is named with its reason, and what makes no trace at all is refused.
+Nothing is repaired silently: what is left out is named with its reason, and a table that makes no trace at all is refused.
 """
 
 from dataclasses import dataclass
@@ -14,15 +14,21 @@ from wzsumo.errors import TraceError
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.tables import TRACE_COLUMNS, check_traces
 
-FASTEST_MPS = 75.0  # 168 mph: no vehicle on a road
-JUMP_M = 15.0  # that fixes may be off besides: five standard deviations of a poor receiver (3 m)
-SAME_PLACE_M = 2.0  # two fixes of one vehicle at one time lie no farther apart
-PAUSE_S = 60.0  # without a fix, after which a vehicle may have come round again
-PAUSE_INTERVALS = 10.0  # of the file's usual interval, where that is long
-LEAST_RUN = 5  # fixes in the order of time, on average, before the clock jumps back: less is a shuffled file
-SPIKE_SHARE = 0.2  # of a trace's fixes that cannot be reached, beyond which it is not one vehicle's
-LEAST_SPREAD_M = 1.0  # of all fixes together
-Dropped = list[pd.DataFrame]
+MAX_SPEED_MPS = 75.0  # 168 mph: no vehicle on a road
+POSITION_TOLERANCE_M = 15.0  # by which two fixes may be off besides: five standard deviations of a poor receiver (3 m)
+SAME_TIME_TOLERANCE_M = 2.0  # two fixes of one vehicle at one time lie no farther apart; chosen by us
+# After a pause without fixes a vehicle may have come round again; it is longer than both. Chosen by us.
+MIN_PAUSE_S = 60.0
+MIN_PAUSE_INTERVALS = 10.0  # times the file's median interval between fixes
+MIN_FIXES_PER_RUN = 5  # in the order of time before the clock jumps back, on average; a file with fewer is shuffled. By us.
+MAX_UNREACHABLE_SHARE = 0.2  # of a trace's fixes; where more cannot be reached it is not one vehicle's. Chosen by us.
+MIN_EXTENT_M = 1.0  # of all fixes together
+METRES_PER_DEGREE = 111_195.0  # of latitude, on a sphere of 6371 km
+MAX_ZONE_DEG = 0.5  # a zone given in degrees, some 50 km of latitude, is smaller
+MIN_MOVING_MPS = 0.5  # coordinates are degrees if, as degrees, the median vehicle moves faster than this, below MAX_SPEED_MPS
+DEGREE_COLUMNS = {"lat", "latitude", "lon", "lng", "longitude"}
+PROJECTION_REMEDY = "project them to metres of a local frame first (the UTM zone of the place, for example with pyproj)"
+Dropped = list[pd.DataFrame]  # tables with vehicle_id, n_fixes, reason
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,14 +46,14 @@ def usable_fixes(table: pd.DataFrame, *, source: str) -> UsableTraces:
     in one line with the remedy, where columns are missing, where half of the rows or more are no fixes, and where the
     coordinates are degrees, all in one place, or of vehicles with one fix each.
     """
-    refuse_named_degrees(table, source=source)
+    _refuse_degree_columns(table, source=source)
     numbers, dropped = _finite_rows(table, source=source)
-    refuse_degrees(numbers, source=source)
-    spread = float(np.ptp(numbers[["x_m", "y_m"]].to_numpy(), axis=0).max())
-    if spread < LEAST_SPREAD_M:
-        raise TraceError(f"{source}: all fixes lie within {spread:.2f} m; a map needs vehicles that move, in metres")
+    _refuse_degrees(numbers, source=source)
+    extent = float(np.ptp(numbers[["x_m", "y_m"]].to_numpy(), axis=0).max())
+    if extent < MIN_EXTENT_M:
+        raise TraceError(f"{source}: all fixes lie within {extent:.2f} m; a map needs vehicles that move, in metres")
     repeats = numbers.duplicated([*TRACE_COLUMNS]).to_numpy()
-    dropped += _named(numbers["vehicle_id"][repeats], "repeats a fix of the same vehicle, time and place")
+    dropped += _dropped(numbers["vehicle_id"][repeats], "repeats a fix of the same vehicle, time and place")
     traces = _split_at_pauses(_split_at_clock(numbers[~repeats]))
     if traces["vehicle_id"].nunique() == len(traces):
         raise TraceError(
@@ -56,16 +62,27 @@ def usable_fixes(table: pd.DataFrame, *, source: str) -> UsableTraces:
         )
     lost, reasons = _unreachable(traces)
     for reason in np.unique(reasons[lost]):
-        dropped += _named(traces["vehicle_id"][lost & (reasons == reason)], str(reason))
+        dropped += _dropped(traces["vehicle_id"][lost & (reasons == reason)], str(reason))
     if lost.all():
         raise TraceError(f"{source}: no fix is left of {len(table)}: the first trace {reasons[0]}; check vehicle_id and time_s")
     return UsableTraces(traces=check_traces(traces[~lost], source=source), dropped=merge_dropped(dropped))
 
 
 def merge_dropped(parts: Dropped) -> pd.DataFrame:
-    """One table of what was left out."""
+    """One table (vehicle_id, n_fixes, reason) of what was left out."""
     columns = ["vehicle_id", "n_fixes", "reason"]
     return pd.concat([pd.DataFrame(columns=columns), *parts], ignore_index=True) if parts else pd.DataFrame(columns=columns)
+
+
+def _refuse_degree_columns(table: pd.DataFrame, *, source: str) -> None:
+    """Raise TraceError where x_m or y_m is missing and columns are named latitude and longitude."""
+    if {"x_m", "y_m"} <= set(table.columns):
+        return
+    named = [str(name) for name in table.columns if str(name).lower().split("_")[0] in DEGREE_COLUMNS]
+    if named:
+        raise TraceError(
+            f"{source}: x_m and y_m missing, {', '.join(named)} given; {PROJECTION_REMEDY}, in columns x_m and y_m"
+        )
 
 
 def _finite_rows(table: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, Dropped]:
@@ -78,20 +95,42 @@ def _finite_rows(table: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, Dro
     named = numbers["vehicle_id"].notna().to_numpy()
     finite = np.isfinite(numbers[[*TRACE_COLUMNS[1:]]].to_numpy()).all(axis=1)
     if 2 * (named & finite).sum() <= len(table):
-        check_traces(table[[*TRACE_COLUMNS]], source=source)  # names the first value that is none
+        check_traces(table[[*TRACE_COLUMNS]], source=source)  # raises, and names the first value that is none
     if "width_m" in table:
         numbers["width_m"] = pd.to_numeric(table["width_m"], errors="coerce").astype(float)
         numbers["width_m"] = numbers["width_m"].fillna(numbers["width_m"].median())
         numbers = numbers if np.isfinite(numbers["width_m"]).all() else numbers.drop(columns="width_m")
     numbers["vehicle_id"] = numbers["vehicle_id"].astype(str).where(named, "(none)")
-    dropped = _named(numbers["vehicle_id"][named & ~finite], "time_s, x_m or y_m is no finite number")
-    dropped += _named(numbers["vehicle_id"][~named], "vehicle_id is empty")
+    dropped = _dropped(numbers["vehicle_id"][named & ~finite], "time_s, x_m or y_m is no finite number")
+    dropped += _dropped(numbers["vehicle_id"][~named], "vehicle_id is empty")
     return numbers[named & finite].reset_index(drop=True), dropped
 
 
-def _named(vehicle_ids: "pd.Series[str]", reason: str) -> Dropped:
+def _dropped(vehicle_ids: "pd.Series[str]", reason: str) -> Dropped:
+    """A row for each vehicle among the ids of fixes that are left out for one reason."""
     counts = vehicle_ids.value_counts(sort=False)
     return [pd.DataFrame({"vehicle_id": counts.index, "n_fixes": counts.to_numpy(), "reason": reason})] if len(counts) else []
+
+
+def _refuse_degrees(fixes: pd.DataFrame, *, source: str) -> None:
+    """Raise TraceError where x_m, y_m of finite fixes can be degrees and vehicles would stand still if they were metres."""
+    xy = fixes[["x_m", "y_m"]].to_numpy()
+    if not ((np.abs(xy) <= 180).all() and np.ptp(xy, axis=0).max() <= MAX_ZONE_DEG):
+        return
+    order = np.lexsort((fixes["time_s"].to_numpy(), pd.factorize(fixes["vehicle_id"])[0]))
+    same = np.diff(pd.factorize(fixes["vehicle_id"])[0][order]) == 0
+    elapsed = np.diff(fixes["time_s"].to_numpy()[order])
+    moving = same & (elapsed > 0)
+    if not moving.any():
+        return
+    metres_per_degree_east = METRES_PER_DEGREE * np.cos(np.deg2rad(np.median(xy[:, 1])))
+    steps = np.diff(xy[order], axis=0)[moving] * (metres_per_degree_east, METRES_PER_DEGREE)
+    speed = float(np.median(np.hypot(*steps.T) / elapsed[moving]))
+    if MIN_MOVING_MPS < speed < MAX_SPEED_MPS:
+        raise TraceError(
+            f"{source}: x_m {xy[0, 0]:.5f} and y_m {xy[0, 1]:.5f} look like longitude and latitude in degrees, not metres "
+            f"(as degrees, vehicles move at about {speed:.0f} m/s); {PROJECTION_REMEDY}"
+        )
 
 
 def _split_at_clock(numbers: pd.DataFrame) -> pd.DataFrame:
@@ -106,26 +145,26 @@ def _split_at_clock(numbers: pd.DataFrame) -> pd.DataFrame:
         own = slice(starts[vehicle], starts[vehicle + 1])
         cuts = back[(back > own.start) & (back < own.stop)] - own.start
         runs = np.split(in_file[own], cuts)
-        ends = sorted((time[run[0]], time[run[-1]]) for run in runs)
-        overlap = any(later[0] < earlier[1] for earlier, later in pairwise(ends))
-        if overlap and own.stop - own.start >= LEAST_RUN * len(runs):
+        spans = sorted((time[run[0]], time[run[-1]]) for run in runs)
+        overlap = any(later[0] < earlier[1] for earlier, later in pairwise(spans))
+        if overlap and own.stop - own.start >= MIN_FIXES_PER_RUN * len(runs):
             for number, run in enumerate(runs):
                 part[run] = number
-    return _renamed(numbers, code, part, ids)
+    return _named_parts(numbers, code, part, ids)
 
 
 def _split_at_pauses(numbers: pd.DataFrame) -> pd.DataFrame:
-    """Fixes whose trace begins again, under a name of its own, after a long time without one."""
+    """Fixes by vehicle and time; after a long pause a trace begins again, under a name of its own."""
     code, ids = pd.factorize(numbers["vehicle_id"])
     gap, same = np.diff(numbers["time_s"].to_numpy()), np.diff(code) == 0
     usual = float(np.median(gap[same])) if same.any() else 0.0
-    pauses = np.r_[False, same & (gap > max(PAUSE_S, PAUSE_INTERVALS * usual))]
+    pauses = np.r_[False, same & (gap > max(MIN_PAUSE_S, MIN_PAUSE_INTERVALS * usual))]
     total = np.cumsum(pauses)
     first = np.r_[True, ~same]
-    return _renamed(numbers, code, total - total[first][np.cumsum(first) - 1], ids)
+    return _named_parts(numbers, code, total - total[first][np.cumsum(first) - 1], ids)
 
 
-def _renamed(numbers: pd.DataFrame, code: npt.NDArray[np.intp], part: npt.NDArray[np.intp], ids: pd.Index) -> pd.DataFrame:
+def _named_parts(numbers: pd.DataFrame, code: npt.NDArray[np.intp], part: npt.NDArray[np.intp], ids: pd.Index) -> pd.DataFrame:
     """Fixes sorted by vehicle, part and time; parts after a vehicle's first are named id#2, id#3 ..."""
     order = np.lexsort((numbers["time_s"].to_numpy(), part, code))
     if not part.any():
@@ -148,66 +187,29 @@ def _unreachable(traces: pd.DataFrame) -> tuple[BoolArray, npt.NDArray[np.object
         pieces = np.split(own, np.flatnonzero(jumps[own[:-1]]) + 1)
         kept = _reachable_pieces(pieces, time, xy)
         gone = np.concatenate([own[:0], *(piece for piece, keep in zip(pieces, kept, strict=True) if not keep)])
-        if len(gone) > SPIKE_SHARE * len(own):
+        if len(gone) > MAX_UNREACHABLE_SHARE * len(own):
             lost[own] = True
             reasons[own] = "jumps to and fro between fixes: several vehicles under one vehicle_id"
         else:
             lost[gone] = True
-            reasons[gone] = f"cannot be reached from the fixes before and after at {FASTEST_MPS:g} m/s"
+            reasons[gone] = f"cannot be reached from the fixes before and after at {MAX_SPEED_MPS:g} m/s"
     return lost, reasons
 
 
 def _too_far(distance: FloatArray, elapsed: FloatArray) -> BoolArray:
-    return np.asarray(distance > np.where(elapsed > 0, FASTEST_MPS * elapsed + JUMP_M, SAME_PLACE_M))
+    """Whether two fixes of one vehicle, `distance` [m] and `elapsed` [s] apart, contradict each other."""
+    return np.asarray(distance > np.where(elapsed > 0, MAX_SPEED_MPS * elapsed + POSITION_TOLERANCE_M, SAME_TIME_TOLERANCE_M))
 
 
 def _reachable_pieces(pieces: list[npt.NDArray[np.intp]], time: FloatArray, xy: FloatArray) -> list[bool]:
-    """Which pieces of a trace the longest can be reached from, or reaches, one after the other."""
+    """Which pieces of a trace belong to its longest: going outwards, each must be reachable from the last one kept."""
     main = int(np.argmax([len(piece) for piece in pieces]))
     kept = [index == main for index in range(len(pieces))]
-    for way in (range(main + 1, len(pieces)), range(main - 1, -1, -1)):
+    for outwards in (range(main + 1, len(pieces)), range(main - 1, -1, -1)):
         last = main
-        for index in way:
+        for index in outwards:
             (before, after) = (pieces[last][-1], pieces[index][0]) if index > last else (pieces[index][-1], pieces[last][0])
             if not _too_far(np.hypot(*(xy[after] - xy[before])), time[after] - time[before]):
                 kept[index] = True
                 last = index
     return kept
-
-
-METRES_PER_DEGREE = 111_195.0  # of latitude, on a sphere of 6371 km
-LARGEST_ZONE_DEG = 0.5  # a zone given in degrees spreads over less
-SLOW_MPS, FAST_MPS = 0.5, 75.0  # between them vehicles move that are worth a map
-REMEDY = "project them to metres of a local frame first (the UTM zone of the place, for example with pyproj)"
-
-
-def refuse_named_degrees(table: pd.DataFrame, *, source: str) -> None:
-    """Raise TraceError where x_m or y_m is missing and columns are named latitude and longitude."""
-    if {"x_m", "y_m"} <= set(table.columns):
-        return
-    named = [
-        str(name) for name in table.columns if str(name).lower().split("_")[0] in {"lat", "latitude", "lon", "lng", "longitude"}
-    ]
-    if named:
-        raise TraceError(f"{source}: x_m and y_m missing, {', '.join(named)} given; {REMEDY}, in columns x_m and y_m")
-
-
-def refuse_degrees(fixes: pd.DataFrame, *, source: str) -> None:
-    """Raise TraceError where x_m, y_m of finite fixes can be degrees and vehicles would stand still if they were metres."""
-    xy = fixes[["x_m", "y_m"]].to_numpy()
-    if not ((np.abs(xy) <= 180).all() and np.ptp(xy, axis=0).max() <= LARGEST_ZONE_DEG):
-        return
-    order = np.lexsort((fixes["time_s"].to_numpy(), pd.factorize(fixes["vehicle_id"])[0]))
-    same = np.diff(pd.factorize(fixes["vehicle_id"])[0][order]) == 0
-    elapsed = np.diff(fixes["time_s"].to_numpy()[order])
-    moving = same & (elapsed > 0)
-    if not moving.any():
-        return
-    east = METRES_PER_DEGREE * np.cos(np.deg2rad(np.median(xy[:, 1])))
-    steps = np.diff(xy[order], axis=0)[moving] * (east, METRES_PER_DEGREE)
-    speed = float(np.median(np.hypot(*steps.T) / elapsed[moving]))
-    if SLOW_MPS < speed < FAST_MPS:
-        raise TraceError(
-            f"{source}: x_m {xy[0, 0]:.5f} and y_m {xy[0, 1]:.5f} look like longitude and latitude in degrees, not metres "
-            f"(as degrees, vehicles move at about {speed:.0f} m/s); {REMEDY}"
-        )

@@ -1,4 +1,4 @@
-"""Which traces of anybody's file show one road, one way: a careful analyst's look before any map is made."""
+"""Which traces of anybody's file show one road, driven one way: those that can make a map."""
 
 import numpy as np
 import numpy.typing as npt
@@ -13,27 +13,28 @@ from wzsumo.crowd_mapping.course.station_table import tabulate
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 
-PLACE_CELL_M = 100.0
-PLACE_GAP_M = 300.0  # without any fix: beyond it another place begins
-SECOND_PLACE_SHARE = 0.2  # of the traces, from which another place is no outlier but a zone of its own
+PLACE_CELL_M = 100.0  # side of the squares in which fixes are counted as near each other
+MAX_PLACE_GAP_M = 300.0  # without any fix: beyond it another place begins; chosen by us
+# A second place that holds this share of the first one's traces, and two of them, is a zone of its own; chosen by us.
+MIN_SECOND_PLACE_SHARE = 0.2
 
 
 def usable_traces(table: pd.DataFrame, *, source: str) -> UsableTraces:
     """The traces of a table of fixes that can make one map, and what was left out with the reason.
 
-    Left out are fixes that are none (see `usable_fixes`) and vehicles that stand, drive against most others, lie far beside
+    Left out are rows that are no fixes (`usable_fixes`), and vehicles that stand, drive against most others, or lie far beside
     or away from them. Raises TraceError where nothing is left and where the file holds two zones.
     """
     fixes = usable_fixes(table, source=source)
     traces, far = _in_one_place(fixes.traces, source=source)
     try:
-        odd = tabulate(traces, reference_line_from_traces(traces)).dropped
+        unfit = tabulate(traces, reference_line_from_traces(traces)).dropped
     except TraceError as error:
         raise TraceError(f"{source}: {error}") from None
     counts = traces["vehicle_id"].value_counts()
-    odd = odd.assign(n_fixes=counts.reindex(odd["vehicle_id"]).to_numpy())
-    kept = traces[~traces["vehicle_id"].isin(odd["vehicle_id"])].reset_index(drop=True)
-    return UsableTraces(traces=kept, dropped=merge_dropped([part for part in (fixes.dropped, far, odd) if len(part)]))
+    unfit = unfit.assign(n_fixes=counts.reindex(unfit["vehicle_id"]).to_numpy())
+    kept = traces[~traces["vehicle_id"].isin(unfit["vehicle_id"])].reset_index(drop=True)
+    return UsableTraces(traces=kept, dropped=merge_dropped([part for part in (fixes.dropped, far, unfit) if len(part)]))
 
 
 def _in_one_place(traces: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -43,7 +44,7 @@ def _in_one_place(traces: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, p
     counts = of_vehicle.value_counts()
     main = int(counts.index[0])
     away = np.hypot(*(middles - middles[main]).T)
-    if len(counts) > 1 and counts.iloc[1] >= SECOND_PLACE_SHARE * counts.iloc[0] and counts.iloc[1] > 1:
+    if len(counts) > 1 and counts.iloc[1] >= MIN_SECOND_PLACE_SHARE * counts.iloc[0] and counts.iloc[1] > 1:
         second = int(counts.index[1])
         where = " and ".join(f"{counts[k]} around ({middles[k][0]:.0f}, {middles[k][1]:.0f})" for k in (main, second))
         raise TraceError(
@@ -63,10 +64,10 @@ def _in_one_place(traces: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, p
 
 
 def _places(traces: pd.DataFrame) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """(number of the place of each fix, middles (places, 2) [m]): cells near each other, or that a vehicle joins."""
+    """(place (n,) of each fix, middles (places, 2) [m]). Cells near each other, or joined by a vehicle, are one place."""
     xy = traces[["x_m", "y_m"]].to_numpy()
     cells, cell_of = np.unique(np.floor(xy / PLACE_CELL_M), axis=0, return_inverse=True)
-    near = cKDTree(cells).query_pairs(PLACE_GAP_M / PLACE_CELL_M, output_type="ndarray")
+    near = cKDTree(cells).query_pairs(MAX_PLACE_GAP_M / PLACE_CELL_M, output_type="ndarray")
     code, _ = pd.factorize(traces["vehicle_id"])
     steps = np.flatnonzero((np.diff(code) == 0) & (np.diff(cell_of) != 0))
     links = np.vstack([near, np.column_stack([cell_of[steps], cell_of[steps + 1]])])

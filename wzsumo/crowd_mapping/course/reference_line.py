@@ -1,4 +1,8 @@
-"""The line that traces follow: a smooth road axis with arc length, found from the traces alone."""
+"""The line that traces follow: a smooth road axis with arc length, found from the traces alone.
+
+Of the longest traces the one that most others follow is smoothed by a least-squares cubic spline. The spline is then moved, a
+few times, to the smooth course of all fixes' lateral offsets from it.
+"""
 
 from itertools import pairwise
 
@@ -13,13 +17,15 @@ from wzsumo.road import Road
 # Knots far enough apart that the axis follows bends and not the lateral shifts of a work zone, which last 35 to 250 m
 # (MUTCD 11th ed., Table 6B-3, half of L): those stay in the lateral offsets, where they are found as kinks.
 KNOT_SPACING_M = 300.0
-POINT_SPACING_M = 5.0
-ROUNDS = 3  # the axis moves by less than 1 cm in the third round on bends of 300 m radius
-AXIS_FIXES = 100_000  # taken, evenly, for the axis: some per metre and lane of any zone
-TEMPLATES = 6  # of the longest traces, tried as the road
-LOOKS = 12  # fixes of a trace that tell whether it follows another
-BESIDE_M = 20.0  # five lanes
-MIN_EXTENT_M = 50.0  # a shorter trace says nothing about a road's direction
+POINT_SPACING_M = 5.0  # of the axis; chosen by us
+CENTRING_ROUNDS = 3  # on bends of 300 m radius the axis moves by less than 1 cm in the third
+MAX_FIXES = 100_000  # that are taken, evenly, for the axis: some per metre and lane of any zone
+N_CANDIDATES = 6  # longest traces that are tried as the road; chosen by us
+N_COMPARED_FIXES = 12  # of a trace, that tell whether it follows another; chosen by us
+MAX_FOLLOWING_OFFSET_M = 20.0  # five lanes
+MIN_EXTENT_M = 50.0  # a shorter trace says nothing about a road's direction; chosen by us
+MIN_ADVANCE_M = 1.0  # by which a fix is ahead of all before it; what is less is noise, or a vehicle that stands
+MIN_CHORD_SHARE = 0.5  # of a trace's arc length: where its ends are nearer, its chord says nothing about its direction
 
 
 def axis_of(line: FloatArray) -> Road:
@@ -34,38 +40,38 @@ def reference_line_from_traces(traces: pd.DataFrame) -> Road:
     """
     by_vehicle = [xy for xy in _lines(traces) if len(xy) > 1]
     extent = np.array([float(np.hypot(*np.ptp(xy, axis=0))) for xy in by_vehicle])
-    longest = np.argsort(-extent, kind="stable")[:TEMPLATES]
+    longest = np.argsort(-extent, kind="stable")[:N_CANDIDATES]
     if not len(extent) or extent[longest[0]] < MIN_EXTENT_M:
         raise TraceError(
             f"the longest of {traces['vehicle_id'].nunique()} traces extends over {extent.max(initial=0.0):.1f} m; "
             f"a road's line needs one of at least {MIN_EXTENT_M:g} m; check that the coordinates are metres"
         )
-    looks = [xy[np.unique(np.linspace(0, len(xy) - 1, LOOKS).astype(int))] for xy in by_vehicle]
-    # The longest trace may be the one that went elsewhere, or the wrong way: what others follow is the road.
+    compared = [xy[np.unique(np.linspace(0, len(xy) - 1, N_COMPARED_FIXES).astype(int))] for xy in by_vehicle]
+    # The longest trace may be one that went elsewhere, or the wrong way: what others follow is the road.
     axis = max(
         (axis_of(_smooth(by_vehicle[i])) for i in longest if extent[i] > MIN_EXTENT_M),
-        key=lambda axis: _followers(axis, looks)[0],
+        key=lambda axis: _following(axis, compared)[0],
     )
-    if _followers(axis, looks)[1] < 0:
+    if _following(axis, compared)[1] < 0:
         axis = axis_of(axis.reference_line[::-1])
-    points = traces[["x_m", "y_m"]].to_numpy()[:: max(1, len(traces) // AXIS_FIXES)]
-    for _ in range(ROUNDS):
-        axis = axis_of(_recentred(axis, points))
+    points = traces[["x_m", "y_m"]].to_numpy()[:: max(1, len(traces) // MAX_FIXES)]
+    for _ in range(CENTRING_ROUNDS):
+        axis = axis_of(_centred(axis, points))
     return axis
 
 
 def _lines(traces: pd.DataFrame) -> list[FloatArray]:
-    """Fixes (n, 2) of each vehicle, by its id, as they follow each other in the table."""
+    """Fixes (n, 2) [m] of each vehicle, in the order of their ids and of the table."""
     code, _ = pd.factorize(traces["vehicle_id"], sort=True)
     order = np.argsort(code, kind="stable")
     return np.split(np.column_stack([traces["x_m"], traces["y_m"]])[order], np.flatnonzero(np.diff(code[order])) + 1)
 
 
-def _followers(axis: Road, looks: list[FloatArray]) -> tuple[float, float]:
-    """(how far traces lie along the axis, beside it at most BESIDE_M; how far they advance), summed over traces [m]."""
-    starts = np.cumsum([0, *(len(look) for look in looks)])
-    s, d = axis.to_sd(np.vstack(looks))
-    near = (np.abs(d) < BESIDE_M) & (s >= 0) & (s <= axis.length)
+def _following(axis: Road, compared: list[FloatArray]) -> tuple[float, float]:
+    """(length along the axis that traces follow, how far they advance along it), both [m] and summed over the traces."""
+    starts = np.cumsum([0, *(len(fixes) for fixes in compared)])
+    s, d = axis.to_sd(np.vstack(compared))
+    near = (np.abs(d) < MAX_FOLLOWING_OFFSET_M) & (s >= 0) & (s <= axis.length)
     along = advance = 0.0
     for first, end in pairwise(starts):
         beside = s[first:end][near[first:end]]
@@ -77,16 +83,16 @@ def _followers(axis: Road, looks: list[FloatArray]) -> tuple[float, float]:
 
 def _smooth(trace: FloatArray) -> FloatArray:
     """Points of a smooth line along the fixes (n, 2) of one trace, in time order."""
-    # Standing still or noise along the way would fold the line back: only steps forward count.
+    # A vehicle that stands, or noise along its way, would fold the line back: only steps forward count.
     direction = trace[-1] - trace[0]
     chord = trace @ direction / np.hypot(*direction)
-    ahead = np.concatenate([[True], chord[1:] > np.maximum.accumulate(chord)[:-1] + 1.0])
-    fixes = trace[ahead] if np.hypot(*direction) > 0.5 * arc_length(trace)[-1] else _thinned(trace)
+    ahead = np.concatenate([[True], chord[1:] > np.maximum.accumulate(chord)[:-1] + MIN_ADVANCE_M])
+    fixes = trace[ahead] if np.hypot(*direction) > MIN_CHORD_SHARE * arc_length(trace)[-1] else _thinned(trace)
     return _spline(arc_length(fixes), fixes)
 
 
 def _thinned(trace: FloatArray) -> FloatArray:
-    """Fixes at least POINT_SPACING_M apart, for roads that turn by more than a right angle."""
+    """Fixes of a trace at least POINT_SPACING_M apart, for roads that turn by more than a right angle."""
     kept = [trace[0]]
     for fix in trace[1:]:
         if np.hypot(*(fix - kept[-1])) >= POINT_SPACING_M:
@@ -94,13 +100,13 @@ def _thinned(trace: FloatArray) -> FloatArray:
     return np.array(kept)
 
 
-def _recentred(axis: Road, points: FloatArray) -> FloatArray:
-    """Points of the axis moved by the smooth course of the fixes' lateral offsets, and as long as the fixes reach."""
+def _centred(axis: Road, points: FloatArray) -> FloatArray:
+    """Points (n, 2) of the axis moved to the smooth course of the fixes' lateral offsets, as long as the fixes reach."""
     s, d = axis.to_sd(points)
     near = np.abs(d - np.median(d)) < 5 * (np.median(np.abs(d - np.median(d))) + 1.0)
     order = np.argsort(s[near], kind="stable")
     s, d = s[near][order], d[near][order]
-    # Means of short stretches weigh every place alike, however many fixes it has.
+    # Means over short stretches weigh every place alike, however many fixes it has.
     cell = np.floor((s - s[0]) / POINT_SPACING_M).astype(int)
     count = np.bincount(cell)
     filled = count > 0
@@ -110,7 +116,7 @@ def _recentred(axis: Road, points: FloatArray) -> FloatArray:
 
 
 def _spline(along: FloatArray, points: FloatArray) -> FloatArray:
-    """Points every POINT_SPACING_M of the least-squares cubic spline of points (n, 2) over their parameter (n,)."""
+    """Points every POINT_SPACING_M of the least-squares cubic spline through points (n, 2) at arc lengths (n,) [m]."""
     length = along[-1] - along[0]
     knots = np.linspace(along[0], along[-1], max(2, int(np.ceil(length / KNOT_SPACING_M)) + 1))
     # A knot interval without a point of its own would leave the spline undetermined (Schoenberg-Whitney).

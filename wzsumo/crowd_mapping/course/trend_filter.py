@@ -5,21 +5,22 @@ from numba import njit
 
 from wzsumo.frames import FloatArray
 
-REWEIGHTINGS = 12
-SETTLED_M = 5e-4
-LEAST_PRECISION, LEAST_KINK_M = 1e-9, 1e-4  # below, equations would lose their rank, and kinks weigh without bound
+MAX_REWEIGHTINGS = 12
+SETTLED_M = 5e-4  # reweighting stops where no value moves by more
+MIN_PRECISION_PER_M2 = 1e-9  # of a station without a value: with 0 the equations would lose their rank
+MIN_SECOND_DIFFERENCE_M = 1e-4  # a smaller one would weigh without bound
 
 
 def trend_filter(values: FloatArray, precisions: FloatArray, *, scale: float) -> FloatArray:
-    """Piecewise linear course (n,) through values (n,) with precisions (n,), 0 where unknown.
+    """Piecewise linear course c (n,) through values v (n,) [m] with precisions p (n,) [1/m^2], 0 where unknown.
 
-    Minimises  sum precision (value - c)^2 / 2 + sum |second difference of c| / scale  by reweighted least squares
+    Minimises  sum_i p_i (v_i - c_i)^2 / 2 + sum_i |c_i - 2 c_{i+1} + c_{i+2}| / scale  by reweighted least squares
     (Kim, Koh, Boyd and Gorinevsky 2009, "l1 trend filtering").
     """
     n = len(values)
     if n < 3 or not precisions.any():
         return np.array(values, dtype=float)
-    return np.asarray(_filter(np.where(precisions > 0, values, 0.0), precisions + LEAST_PRECISION, scale))
+    return np.asarray(_filter(np.where(precisions > 0, values, 0.0), precisions + MIN_PRECISION_PER_M2, scale))
 
 
 @njit(cache=True)
@@ -27,12 +28,12 @@ def _filter(values: FloatArray, precisions: FloatArray, scale: float) -> FloatAr
     n = len(values)
     stiffness = np.full(n - 2, 1 / scale**2)
     course = values
-    for _ in range(REWEIGHTINGS):
+    for _ in range(MAX_REWEIGHTINGS):
         before, course = course, _smooth(values, precisions, stiffness)
         if np.abs(course - before).max() < SETTLED_M:
             break
         for i in range(n - 2):
-            stiffness[i] = 1 / (scale * max(abs(course[i] - 2 * course[i + 1] + course[i + 2]), LEAST_KINK_M))
+            stiffness[i] = 1 / (scale * max(abs(course[i] - 2 * course[i + 1] + course[i + 2]), MIN_SECOND_DIFFERENCE_M))
     return course
 
 

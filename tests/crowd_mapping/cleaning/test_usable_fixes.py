@@ -1,0 +1,160 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from wzsumo.crowd_mapping.cleaning.usable_fixes import UsableTraces, usable_fixes
+from wzsumo.errors import TraceError
+from wzsumo.frames import FloatArray
+
+
+def drive(vehicle_id: str = "a", n: int = 20, *, interval_s: float = 1.0, start_s: float = 0.0) -> pd.DataFrame:
+    """n fixes of one vehicle along the x axis at 20 m/s."""
+    time = start_s + interval_s * np.arange(n)
+    return pd.DataFrame({"vehicle_id": vehicle_id, "time_s": time, "x_m": 20.0 * time, "y_m": 0.0})
+
+
+def usable(*tables: pd.DataFrame) -> UsableTraces:
+    return usable_fixes(pd.concat(tables, ignore_index=True), source="file")
+
+
+def fixes_by_trace(made: UsableTraces) -> dict[str, int]:
+    return {str(name): len(trace) for name, trace in made.traces.groupby("vehicle_id")}
+
+
+def dropped(made: UsableTraces) -> list[tuple[str, int, str]]:
+    return [(str(row["vehicle_id"]), int(row["n_fixes"]), str(row["reason"])) for _, row in made.dropped.iterrows()]
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "distance_m", "reachable"), [(1, 89, True), (1, 91, False), (10, 764, True), (10, 766, False)]
+)
+def test_fix_farther_than_75_m_a_second_and_15_m_is_left_out(interval_s: float, distance_m: float, reachable: bool) -> None:
+    table = drive(interval_s=interval_s)
+    step = 20.0 * interval_s
+    table.loc[12, "y_m"] = np.sqrt(distance_m**2 - step**2)
+    made = usable(table)
+    reason = "cannot be reached from the fixes before and after at 75 m/s"
+    assert dropped(made) == ([] if reachable else [("a", 1, reason)])
+
+
+@pytest.mark.parametrize(("apart_m", "kept"), [(1.9, 21), (2.1, 20)])
+def test_fix_2_m_from_another_of_the_same_time_is_left_out(apart_m: float, kept: int) -> None:
+    table = drive()
+    again = table.iloc[[19]].assign(y_m=apart_m)
+    assert len(usable(table, again).traces) == kept
+
+
+@pytest.mark.parametrize(("n_wild", "left"), [(4, {"a": 16, "b": 20}), (5, {"b": 20})])
+def test_trace_of_which_more_than_a_fifth_cannot_be_reached_is_left_out_whole(n_wild: int, left: dict[str, int]) -> None:
+    table = drive()
+    table.loc[2 : 2 * n_wild : 2, "y_m"] = 500.0 * np.arange(1, n_wild + 1)
+    made = usable(table, drive("b"))
+    assert fixes_by_trace(made) == left
+    assert ("to and fro" in made.dropped["reason"].iloc[0]) == (n_wild == 5)
+
+
+def test_pieces_after_a_wild_one_are_reached_from_the_longest() -> None:
+    table = drive()
+    table.loc[8:9, "y_m"] = 900.0
+    table.loc[15:16, "y_m"] = -900.0
+    assert fixes_by_trace(usable(table)) == {"a": 16}
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "pause_s", "names"),
+    [(1, 59, ["a"]), (1, 61, ["a", "a#2"]), (10, 99, ["a"]), (10, 101, ["a", "a#2"])],
+)
+def test_pause_of_a_minute_and_ten_intervals_begins_another_trace(interval_s: float, pause_s: float, names: list[str]) -> None:
+    first = drive(interval_s=interval_s)
+    second = drive(interval_s=interval_s, start_s=float(first["time_s"].iloc[-1]) + pause_s)
+    assert sorted(fixes_by_trace(usable(first, second))) == names
+
+
+@pytest.mark.parametrize(("n", "names"), [(5, ["a", "a#2"]), (4, ["a"])])
+def test_runs_of_five_fixes_that_overlap_in_time_are_two_vehicles(n: int, names: list[str]) -> None:
+    assert sorted(fixes_by_trace(usable(drive(n=n), drive(n=n, start_s=0.5)))) == names
+
+
+def test_runs_of_one_vehicle_in_the_wrong_order_are_one_trace() -> None:
+    table = drive()
+    assert fixes_by_trace(usable(table.iloc[10:], table.iloc[:10])) == {"a": 20}
+
+
+@pytest.mark.parametrize(("n_bad", "refused"), [(9, False), (10, True)])
+def test_table_of_which_half_are_no_fixes_is_refused(n_bad: int, refused: bool) -> None:
+    table = drive()
+    table.loc[: n_bad - 1, "y_m"] = np.nan
+    if refused:
+        with pytest.raises(TraceError, match="y_m of row 0"):
+            usable(table)
+    else:
+        assert dropped(usable(table)) == [("a", 9, "time_s, x_m or y_m is no finite number")]
+
+
+@pytest.mark.parametrize("extent_m", [0.98, 1.02])
+def test_fixes_that_extend_over_less_than_a_metre_are_refused(extent_m: float) -> None:
+    table = drive(n=5).assign(x_m=np.linspace(0, extent_m, 5))
+    if extent_m < 1:
+        with pytest.raises(TraceError, match=r"all fixes lie within 0\.98 m"):
+            usable(table)
+    else:
+        assert fixes_by_trace(usable(table)) == {"a": 5}
+
+
+@pytest.mark.parametrize("columns", [("lat", "lng"), ("Latitude", "Longitude_deg"), ("LAT_WGS84", "lon")])
+def test_columns_of_degrees_are_named_and_refused(columns: tuple[str, str]) -> None:
+    table = drive().rename(columns=dict(zip(("y_m", "x_m"), columns, strict=True)))
+    with pytest.raises(TraceError, match=f"{columns[1]}, {columns[0]} given; project them"):
+        usable(table)
+
+
+def degrees(speed_mps: float, *, latitude: float = 0.0, n: int = 20) -> pd.DataFrame:
+    """Fixes of one vehicle that drives north, in degrees of longitude and latitude on a sphere of 6371 km."""
+    north = np.rad2deg(speed_mps * np.arange(n) / 6_371_000)
+    return drive(n=n).assign(x_m=10.0, y_m=latitude + north)
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "says"),
+    [(0.4, "lie within"), (0.6, "longitude and latitude"), (74.0, "about 74 m/s"), (76.0, "lie within")],
+)
+def test_coordinates_are_degrees_where_vehicles_then_move_as_vehicles_do(speed_mps: float, says: str) -> None:
+    with pytest.raises(TraceError, match=says):
+        usable(degrees(speed_mps))
+
+
+@pytest.mark.parametrize(("extent_deg", "says"), [(0.49, "longitude and latitude"), (0.51, "lie within 0.51 m")])
+def test_zone_of_more_than_half_a_degree_is_not_taken_for_one(extent_deg: float, says: str) -> None:
+    n = 2000
+    table = degrees(20.0, n=n)
+    table["y_m"] = np.linspace(0, extent_deg, n)
+    with pytest.raises(TraceError, match=says):
+        usable(table)
+
+
+def test_degree_of_longitude_counts_as_long_as_its_latitude_makes_it() -> None:
+    # At 60 degrees north it is half as long: 0.0004 degrees are 22 m.
+    table = drive().assign(y_m=60.0, x_m=24.0 + 0.0004 * np.arange(20))
+    with pytest.raises(TraceError, match="about 22 m/s"):
+        usable(table)
+
+
+def test_widths_that_are_missing_are_the_median_of_the_others() -> None:
+    table = drive().assign(width_m=[2.0] * 10 + [np.nan] * 10)
+    assert usable(table).traces["width_m"].tolist() == [2.0] * 20
+    assert "width_m" not in usable(drive().assign(width_m=np.nan)).traces
+
+
+def test_empty_ids_and_repeated_fixes_are_named() -> None:
+    table = drive()
+    nameless = table.head(3).assign(vehicle_id=None)
+    assert dropped(usable(table, table.head(2), nameless)) == [
+        ("(none)", 3, "vehicle_id is empty"),
+        ("a", 2, "repeats a fix of the same vehicle, time and place"),
+    ]
+
+
+def test_fixes_of_a_trace_come_sorted_by_time() -> None:
+    shuffled = drive().sample(frac=1, random_state=0)
+    time: FloatArray = usable(shuffled).traces["time_s"].to_numpy()
+    assert (np.diff(time) > 0).all()
