@@ -51,7 +51,7 @@ def test_effect_is_what_the_road_makes_of_points_that_are_all_moved_alike(error_
 def covariance_of(rest: FloatArray, *, noise_m: float) -> FloatArray:
     """Covariance of the known values of one trace: a free level, a random walk of 0.08 m from station to station, noise."""
     at = np.flatnonzero(np.isfinite(rest))
-    return 1e4 + 0.08**2 * np.minimum.outer(at - at[0], at - at[0]) + noise_m**2 * np.eye(len(at))
+    return np.asarray(1e4 + 0.08**2 * np.minimum.outer(at - at[0], at - at[0]) + noise_m**2 * np.eye(len(at)))
 
 
 def test_biases_taken_away_are_those_of_generalised_least_squares() -> None:

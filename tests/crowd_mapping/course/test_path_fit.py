@@ -34,7 +34,7 @@ def family(n: int, *, seed: int, bias_sd: float, merging: float = 0.4) -> tuple[
 def keepers(n: int, *, seed: int, error_m: float = 0.0) -> FloatArray:
     """Offsets of traces that keep one of two lanes; every third moves over once."""
     random = np.random.default_rng(seed)
-    lanes = random.integers(0, 2, n)[:, None] + np.zeros_like(STATIONS)
+    lanes = random.integers(0, 2, n).astype(float)[:, None] + np.zeros_like(STATIONS)
     t = np.clip((STATIONS - random.uniform(200, 600, (len(lanes[::3]), 1))) / 70, 0, 1)
     lanes[::3] += (1 - 2 * lanes[::3, :1]) * t * t * (3 - 2 * t)
     drift = 0.2 * error_m * np.cumsum(random.standard_normal(lanes.shape), axis=1) * np.sqrt(0.05)
