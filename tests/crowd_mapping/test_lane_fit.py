@@ -1,8 +1,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from crowd_mapping.lane_values import WIDTH_M, common_path
 from crowd_mapping.zone_traces import drive, noisy, zone_layout
 
+from wzsumo.crowd_mapping.course.path_fit import straddling_traces
 from wzsumo.crowd_mapping.lane_fit import fit_lane_structure, refit, update
 from wzsumo.crowd_mapping.lane_model import LaneStructure, LaneStructureSpec
 from wzsumo.errors import TraceError
@@ -52,6 +54,16 @@ def test_refit_of_a_fresh_model_is_the_same_model() -> None:
     again = refit(model)
     assert (again.levels.right, again.levels.width, again.shifts) == (model.levels.right, model.levels.width, model.shifts)
     np.testing.assert_array_equal(again.path.course, model.path.course)
+
+
+# A quarter is the most: where more traces seem to straddle the lanes, it is the lanes that are not understood.
+@pytest.mark.parametrize(("n_straddling", "n_left_out"), [(4, 4), (5, 5), (6, 0), (9, 0)])
+def test_traces_that_straddle_the_lanes_are_left_out_unless_more_than_a_quarter_do(n_straddling: int, n_left_out: int) -> None:
+    offsets = np.zeros((20, 100))
+    offsets[:n_straddling, 50:] = WIDTH_M / 2
+    path = common_path(np.zeros((20, 100)), offsets.mean(axis=1))
+    straddling = straddling_traces(path, offsets, width=WIDTH_M)
+    np.testing.assert_array_equal(np.flatnonzero(straddling), np.arange(n_left_out))
 
 
 @pytest.mark.parametrize("error_m", [0.0, 2.0])

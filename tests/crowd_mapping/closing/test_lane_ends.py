@@ -69,8 +69,8 @@ def test_announced_end_of_the_zone_goes_before_vehicles_that_seem_to_return() ->
     np.testing.assert_array_equal(told.probability, alone.probability)
 
 
-# Twice three stations: the closure is known to about three stations at either end.
-@pytest.mark.parametrize(("leaves_m", "believed"), [(490.0, True), (530.0, False)])
+# Its middle is nearer to lane 1 up to 10 m beyond where it leaves: at three stations of the closure, or at four.
+@pytest.mark.parametrize(("leaves_m", "believed"), [(510.0, True), (520.0, False)])
 def test_trace_that_seems_to_drive_more_than_three_stations_in_the_closed_lane_does_not_tell_where_it_ends(
     leaves_m: float, believed: bool
 ) -> None:

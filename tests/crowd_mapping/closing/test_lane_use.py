@@ -83,6 +83,12 @@ def test_lane_is_idle_though_as_many_seem_to_use_it_as_are_mistaken(spread: floa
     assert (use.open_chance[1] == 1.0).all() == is_open
 
 
+@pytest.mark.parametrize(("off", "is_open"), [(0.015, True), (0.03, False)])
+def test_trace_is_in_a_lane_within_2_percent_of_its_width_from_its_middle(off: float, is_open: bool) -> None:
+    use = use_of([keeper(0)] * 6 + [keeper(1) + off] * 6)
+    assert (use.open_chance[1] == 1.0).all() == is_open
+
+
 def test_interior_closure_of_the_hypothesis_is_closed_whatever_else_is_said() -> None:
     use = use_of([keeper(0), leaver()], interior=(1,))
     assert use.open_chance[1, LEAVES : RETURNS + 1].max() == 0.0

@@ -134,6 +134,19 @@ def test_line_of_an_announced_zone_ends_where_the_manual_puts_it(shoulder: float
     assert median == pytest.approx(end_m, abs=6)
 
 
+# A trace has mistaken lanes with a chance of a twentieth at least. It then seems to leave the lane anywhere along 1000 m.
+@pytest.mark.parametrize(("mislabelled", "mistaken"), [(0.0, 0.05), (0.3, 0.3)])
+def test_announced_line_of_one_vehicle_equals_its_densities_written_out(mislabelled: float, mistaken: float) -> None:
+    line = fitted(jumpers([840.0]), end_prior=FIRST_DEVICE, mislabelled=mislabelled)
+    gap, certain = line.stations - (840 + 0.75 * 200), 1 - mistaken
+    clear = certain * norm.cdf(gap / 8)
+    mean = (100 + clear * np.maximum(gap, 0)) / (1 + clear)
+    left = certain * exponnorm.pdf(gap, mean / 8, scale=8) + mistaken / 1000
+    belief = FIRST_DEVICE.density_as_drawn(line.stations, length=200.0) * (1 - certain * norm.cdf(-gap / 8))
+    belief += FIRST_DEVICE.density_late(line.stations, length=200.0) * left / left.max()
+    np.testing.assert_allclose(line.probability[1], belief / belief.sum(), rtol=1e-6)
+
+
 def test_vehicles_that_drove_on_beyond_the_announced_line_move_it() -> None:
     assert fitted(jumpers([840.0] * 4), end_prior=FIRST_DEVICE).end > 950.0
 

@@ -34,6 +34,17 @@ def test_spread_of_a_single_trace_is_what_its_drift_and_its_bias_let_expect(
     assert likeliest(path).spread == pytest.approx(spread_m, rel=0.04)
 
 
+# Three traces leave seven hypotheses likely in the first case; in the second six, of which two have 3.2 % and 1.8 %.
+@pytest.mark.parametrize(("levels_m", "drift_m", "n_kept"), [([0.0, 3.0, 7.0], 0.08, 5), ([0.0, 3.6, 7.2], 0.05, 4)])
+def test_at_most_five_hypotheses_are_kept_and_each_has_more_than_2_percent(
+    levels_m: list[float], drift_m: float, n_kept: int
+) -> None:
+    path = common_path(np.zeros((3, 100)), levels_m, drift_m=drift_m)
+    kept = fit_lane_levels(path, width=(3.6, 0.12), weights=np.ones(3), closure_prior=ANYWHERE, n_lanes=None)
+    assert len(kept) == n_kept
+    assert [chance for chance, _ in kept] == sorted((chance for chance, _ in kept), reverse=True)
+
+
 def leaving_a_closed_lane(side: int) -> CommonPath:
     """Eight traces of one lane and of one beside it, left (1) or right (-1), which they leave 50 m or more ahead of 400 m."""
     lanes = np.zeros((8, 100))

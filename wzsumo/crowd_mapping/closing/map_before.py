@@ -120,16 +120,10 @@ def anchor_levels(
 
     The log fit is minus infinity where the road has no room for the open lanes and those closed beside them.
     """
-    outside = (table.stations < before.start) | (table.stations > before.end)
-    seen = (weights[:, None] * np.isfinite(table.offsets)).sum(axis=0)
-    outside &= seen > 0
+    outside = _stations_outside(table, weights, before)
     if outside.sum() < MIN_STATIONS_OUTSIDE:
         return Anchor(levels=levels, first_lane=None, log_fit=0.0)
-    candidates = [
-        lane
-        for lane in range(before.road.own_lanes - levels.n_lanes + 1)
-        if all(0 <= lane + closed < before.road.own_lanes for closed in levels.closed)
-    ]
+    candidates = _possible_first_lanes(levels, before.road)
     if not candidates:
         return Anchor(levels=levels, first_lane=None, log_fit=-np.inf)
     middle = (levels.n_lanes - 1) / 2
@@ -153,6 +147,21 @@ def anchor_levels(
         first_lane=first_lane,
         log_fit=log_likelihood + _log_prior(levels, _lanes_beside(levels, first_lane, before), shifts),
     )
+
+
+def _stations_outside(table: StationTable, weights: FloatArray, before: MapBefore) -> BoolArray:
+    """Stations (n,) outside the announced zone at which some trace has a fix."""
+    seen = (weights[:, None] * np.isfinite(table.offsets)).sum(axis=0)
+    return ((table.stations < before.start) | (table.stations > before.end)) & (seen > 0)
+
+
+def _possible_first_lanes(levels: LaneLevels, road: Road) -> list[int]:
+    """Lanes of the road that lane 0 may be, so that the open lanes and those closed beside them are lanes of the road."""
+    return [
+        lane
+        for lane in range(road.own_lanes - levels.n_lanes + 1)
+        if all(0 <= lane + closed < road.own_lanes for closed in levels.closed)
+    ]
 
 
 def _observation_variance(path: CommonPath, outside: BoolArray, *, n: float) -> float:

@@ -81,19 +81,19 @@ def fit_taper_line(
     length: float,
     half_vehicle: float,
     kink: float | None,
-    end_prior: TaperEndPrior | None = None,
-    mislabelled: FloatArray | None = None,
+    end_prior: TaperEndPrior | None,
+    mislabelled: FloatArray,
 ) -> TaperLine:
     """The belief from vehicles that left the lane, from the course's kink and from what is announced.
 
     `remaining` (vehicles, stations) is the share of the lane's width that a vehicle's middle has still to go to the middle of
     the next lane, at `stations` [m]. `length` [m] is the taper's by the manual, `half_vehicle` half a vehicle's width in lane
-    widths, `kink` the station [m] where a shift of the open lanes starts. With an `end_prior` there need not be any vehicle;
-    `mislabelled` (vehicles,) are then the probabilities that they drove in another lane.
+    widths, `kink` the station [m] where a shift of the open lanes starts, if one does. With an `end_prior` there need not be
+    any vehicle; `mislabelled` (vehicles,) are then the probabilities that they drove in another lane.
     """
     lengths = length * LENGTH_FACTORS
     if end_prior:
-        certain = np.ones(len(remaining)) if mislabelled is None else 1 - np.maximum(mislabelled, MIN_MISLABELLED_CHANCE)
+        certain = 1 - np.maximum(mislabelled, MIN_MISLABELLED_CHANCE)
         each = [_bounds(stations, remaining, at, half_vehicle) for at in lengths]
         return _announced_line(lengths, each, certain, kink=kink, end_prior=end_prior)
     bounds = np.array([_bounds(stations, remaining, at, half_vehicle) for at in lengths])

@@ -4,8 +4,8 @@ The levels y_i [m] of the traces' first lanes are a mixture of normal distributi
 
     y_i | first lane k ~ N(right + k width, spread^2),     p(k) = share_k
 
-A trace i of weight v_i is seen once, so the likelihood is a product over traces to the power v_i. Each first lane also says how
-probable the trace's lane changes are, for each pair of ends p of the closure (`change_likelihood`):
+A trace of weight v_i counts as v_i traces. Each first lane also says how probable the trace's lane changes are, for each pair
+of ends p of the closure (`change_likelihood`):
 
     p(all traces) = sum_p prior_p prod_i [ sum_k share_k N(y_i; right + k width, spread^2) likelihood_ipk ]^v_i
 

@@ -5,7 +5,8 @@ A hypothesis says how many lanes there are and which of them are closed from one
     log posterior of the mixture (`lane_em`) - n_lanes / 2 log(n traces) + log p(pattern)
 
 where the second term is Schwarz' criterion for the free parameters (the level and n_lanes - 1 shares; the width has a prior,
-and the closure's ends are summed over). A hypothesis in which some lane was driven by nobody has none.
+and the closure's ends are summed over). A hypothesis with a lane that hardly any trace used is discarded: its log evidence is
+minus infinity.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +26,7 @@ from wzsumo.crowd_mapping.hypotheses.lane_patterns import LanePattern, candidate
 from wzsumo.frames import FloatArray
 
 MIN_TRACES_PER_LANE = 0.6  # expected number of traces, each by its weight, that were ever in a lane; chosen by us
-MAX_COMPARED_TRACES = 100  # by which hypotheses are compared
+MAX_COMPARED_TRACES = 100  # by which hypotheses are compared, evenly taken where there are more
 # Of each pattern all starts are fitted for a few rounds and the best ones go on, unless they lie so far (log evidence) behind
 # the best of all patterns.
 SCREENING_ROUNDS, KEPT_STARTS, MAX_EVIDENCE_GAP = 4, 3, 12.0
