@@ -2,8 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from behaviour.outlooks import CAR, LANE, LAYOUT, MIDDLE, NOBODY, RIGHT, one_vehicle, outlook, vehicle_at
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from wzsumo.behaviour.ego_outlook import EgoOutlook
@@ -47,23 +48,65 @@ def test_ego_does_not_yield_to_a_driver_who_is_past_when_it_comes_over() -> None
     assert not yields(outlook(slope=0.1), one_vehicle(12, MIDDLE, speed=30))
 
 
-@pytest.mark.parametrize(("behind_m", "yielded_to"), [(41, True), (49, False)])
-def test_ego_yields_to_the_driver_behind_who_could_not_brake_and_to_no_other(behind_m: int, yielded_to: bool) -> None:
-    # The ego comes over after 1.2 to 1.4 s. Closing at 10 m/s the other is 13 m nearer by then and needs
-    # 2 + 10 + 100 / 8 = 24.5 m besides half the lengths of both, 4.7 m: 42 m behind is the border.
+@pytest.mark.parametrize(("behind_m", "yielded_to"), [(43.9, True), (44.6, False)])
+def test_ego_yields_to_the_driver_behind_who_could_not_brake_and_to_no_other(behind_m: float, yielded_to: bool) -> None:
+    # The ego comes over after 12.6 m; the forecast, with steps of 0.25 s, shows it over after 1.5 s and 14.95 m. Closing at
+    # 10 m/s the other needs 2 + 10 + 100 / (2 x 4) = 24.5 m then, besides half the lengths of both, 4.72 m: from 44.27 m behind.
     assert yields(outlook(slope=0.08), one_vehicle(-behind_m, MIDDLE, speed=20)) == yielded_to
 
 
-@pytest.mark.parametrize(("behind_m", "yielded_to"), [(28, True), (37, False)])
-def test_ego_that_cannot_stop_any_more_goes_on_before_a_driver_who_can_still_brake(behind_m: int, yielded_to: bool) -> None:
-    # It comes over in 9.4 m and would take 100 / 8 = 12.5 m to stop. After 0.9 to 1.1 s the other is 10 m nearer and needs
-    # 0.5 + 10 + 100 / 18 = 16.1 m besides half the lengths of both, 4.7 m: 31 m behind is the border.
+@pytest.mark.parametrize(("behind_m", "yielded_to"), [(30.6, True), (31.1, False)])
+def test_ego_that_cannot_stop_any_more_goes_on_before_a_driver_who_can_still_brake(behind_m: float, yielded_to: bool) -> None:
+    # It comes over in 9.4 m and would take 100 / 8 = 12.5 m to stop. After 1 s and 9.95 m the other needs
+    # 0.5 + 10 + 100 / (2 x 9) = 16.06 m, besides half the lengths of both, 4.72 m: from 30.83 m behind.
     assert yields(outlook(slope=0.1), one_vehicle(-behind_m, MIDDLE, speed=20)) == yielded_to
 
 
-def test_standing_ego_looks_at_where_it_would_be_after_moving_off() -> None:
-    # From standstill the lane is reached after sqrt(2 * 11.4 / 1.4) = 4.0 s; the other, 70 m behind at 18 m/s, is there then.
-    assert yields(outlook(slope=0.1, speed=0.0), one_vehicle(-70, MIDDLE, speed=18))
+@pytest.mark.parametrize(("slope", "yielded_to"), [(0.088, False), (0.085, True)])
+def test_ego_that_must_brake_harder_than_4_mps2_to_stop_a_metre_inside_the_others_way_cannot_wait(
+    slope: float, yielded_to: bool
+) -> None:
+    # It comes over in 11.2 m or 11.7 m and takes 12.5 m to stop from 10 m/s. The driver 38 m behind can brake in an emergency.
+    assert yields(outlook(slope=slope), one_vehicle(-38, MIDDLE, speed=20)) == yielded_to
+
+
+@pytest.mark.parametrize(("behind_m", "yielded_to"), [(96.5, True), (98.5, False)])
+def test_standing_ego_looks_at_where_it_would_be_after_moving_off(behind_m: float, yielded_to: bool) -> None:
+    # With 1.4 m/s2 it comes over in 9.4 m, and is at 5.25 m/s and 9.8 m after 3.75 s. Closing at 12.75 m/s the other needs
+    # 2 + 12.75 + 12.75^2 / 8 = 35.1 m, besides 4.72 m: from 97.5 m behind.
+    assert yields(outlook(slope=0.1, speed=0.0), one_vehicle(-behind_m, MIDDLE, speed=18)) == yielded_to
+
+
+@pytest.mark.parametrize(("ahead_m", "yielded_to"), [(13.8, True), (14.5, False)])
+def test_ego_comes_over_behind_a_slower_vehicle_two_metres_ahead(ahead_m: float, yielded_to: bool) -> None:
+    # After 1.5 s the ego is 14.95 m on, the other 7.5 m; half the lengths are 4.72 m: 14.17 m ahead is the border.
+    assert yields(outlook(slope=0.08), one_vehicle(ahead_m, MIDDLE, speed=5)) == yielded_to
+
+
+@pytest.mark.parametrize(("speed", "yielded_to"), [(0.25, False), (0.35, True)])
+def test_vehicle_below_three_tenths_of_a_metre_per_second_counts_as_standing(speed: float, yielded_to: bool) -> None:
+    assert yields(outlook(slope=0.1), one_vehicle(9, MIDDLE, speed=speed)) == yielded_to
+
+
+@given(ahead=st.floats(-4, 12), beside=st.floats(2.0, 3.5), slope=st.floats(0.02, 0.3), left=st.booleans())
+def test_ego_yields_to_a_standing_vehicle_just_where_their_outlines_would_touch(
+    ahead: float, beside: float, slope: float, left: bool
+) -> None:
+    side = 1 if left else -1
+    ego = outlook(MIDDLE, slope=side * slope, speed=2.0, desired_speed=2.0)
+    other = one_vehicle(ahead, MIDDLE + side * beside, speed=0.0)
+    driven = 0.5 * np.arange(21)  # at 2 m/s, for 5 s in steps of 0.25 s
+    along = np.hypot(1.0, slope)
+    poses = np.column_stack([50 + driven / along, MIDDLE + side * slope * driven / along, np.full(21, side * np.arctan(slope))])
+    body = shapely.box(*(other.poses[0, :2] - (2.4, 0.925)), *(other.poses[0, :2] + (2.4, 0.925)))
+    gap = shapely.distance(shapely.polygons(CAR.outline(poses)), body)
+    assume(gap[0] > 0.2)
+    nearest_side = beside - 0.925 - 0.93 * np.cos(np.arctan(slope)) - 2.32 * np.sin(np.arctan(slope))
+    assume(nearest_side - slope * CAR.axle_to_centre_m / along > 0.2)  # it is beside the ego's way at first
+    if gap.min() == 0:
+        assert yields(ego, other)
+    if gap.min() > 0.29:  # 0.2 m along and across
+        assert not yields(ego, other)
 
 
 @pytest.mark.parametrize(("stood_at", "yielded_to"), [(9, False), (16, True), (19, True)])
@@ -86,11 +129,53 @@ def test_empty_road_leaves_nobody_to_yield_to() -> None:
     assert not yields(outlook(slope=0.1), NOBODY)
 
 
-@pytest.mark.parametrize(("ahead_m", "yielded_to"), [(60, True), (160, False)])
-def test_ego_yields_to_oncoming_traffic_where_it_comes_over(ahead_m: int, yielded_to: bool) -> None:
-    # It comes over after 1.5 s; closing at 25 m/s the other must be 2 + 25 + 625 / 8 + 4.7 = 110 m ahead then, 37 m more now.
+@pytest.mark.parametrize(("ahead_m", "yielded_to"), [(60, True), (146.5, True), (148, False)])
+def test_ego_yields_to_oncoming_traffic_where_it_comes_over(ahead_m: float, yielded_to: bool) -> None:
+    # After 1.5 s the ego is 14.95 m on, the other 22.5 m nearer. Closing at 25 m/s it needs 2 + 25 + 625 / 8 = 105.1 m then,
+    # besides 4.72 m: from 147.3 m ahead.
     oncoming = one_vehicle(ahead_m, MIDDLE, speed=15, heading=np.pi)
-    assert yields(outlook(slope=0.1), oncoming) == yielded_to
+    assert yields(outlook(slope=0.08), oncoming) == yielded_to
+
+
+@pytest.mark.parametrize(("behind_m", "yielded_to"), [(149, True), (152, False)])
+def test_ego_minds_vehicles_within_150_m(behind_m: float, yielded_to: bool) -> None:
+    # Standing, it comes over after 3.7 s; at 40 m/s the other is there then, and could not brake before.
+    assert yields(outlook(slope=0.1, speed=0.0), one_vehicle(-behind_m, MIDDLE, speed=40)) == yielded_to
+
+
+@pytest.mark.parametrize(
+    ("speed", "slope", "yielded_to"),
+    [
+        (10.0, 0.025, True),  # it comes over after 48 m, 4.8 s
+        (10.0, 0.0235, False),  # 52 m, 5.2 s: beyond the 5 s at least
+        (25.0, 0.0063, True),  # 203 m, 8.1 s
+        (25.0, 0.006, False),  # 213 m, 8.5 s: beyond 25 / (2 x 2) s to where it could stop comfortably, and 2 s
+    ],
+)
+def test_ego_looks_ahead_five_seconds_or_two_more_than_its_comfortable_braking_distance_takes(
+    speed: float, slope: float, yielded_to: bool
+) -> None:
+    ego = outlook(slope=slope, speed=speed, desired_speed=speed, length_m=300)
+    assert yields(ego, one_vehicle(-5, MIDDLE, speed=speed + 0.5)) == yielded_to
+
+
+@pytest.mark.parametrize(("slope", "yielded_to"), [(0.0016, False), (0.003, True)])
+def test_ego_that_nears_a_vehicle_beside_it_by_less_than_a_decimetre_does_not_yield(slope: float, yielded_to: bool) -> None:
+    # 0.3 m are between them; in 5 s at 10 m/s it drifts by 0.08 m or 0.15 m.
+    beside = MIDDLE - 0.925 - 0.93 - 0.3 - (1.4 + 2.32) * slope
+    ego = outlook(beside, slope=slope)
+    assert yields(ego, one_vehicle(0.0, MIDDLE, speed=10.0)) == yielded_to
+
+
+def test_ego_that_overlaps_a_vehicle_sideways_does_not_yield_to_it_however_it_moves() -> None:
+    assert not yields(outlook(MIDDLE - 1.8, slope=0.1), one_vehicle(-12, MIDDLE, speed=12.0))
+
+
+def test_vehicle_in_the_nearest_lane_keeps_its_place_beside_the_middle_of_that_lane() -> None:
+    # 0.3 m to the left of its lane's middle it is 3 m farther on before the ego that comes over by 1 : 10 is in its way.
+    middle, aside = (yield_point(outlook(slope=0.1), one_vehicle(-20, MIDDLE + left, speed=20)) for left in (0.0, 0.3))
+    assert middle is not None
+    assert aside == pytest.approx(middle + 0.3 / 0.1 * np.hypot(1.0, 0.1), abs=0.01)
 
 
 @given(ahead=st.floats(-150, 20), y=st.floats(-2, 11), speed=st.floats(0, 40), ego_speed=st.floats(0, 30))
