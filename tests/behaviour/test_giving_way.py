@@ -51,7 +51,7 @@ def test_ego_does_not_yield_to_a_driver_who_is_past_when_it_comes_over() -> None
 @pytest.mark.parametrize(("behind_m", "yielded_to"), [(43.9, True), (44.6, False)])
 def test_ego_yields_to_the_driver_behind_who_could_not_brake_and_to_no_other(behind_m: float, yielded_to: bool) -> None:
     # The ego comes over after 12.6 m; the forecast, with steps of 0.25 s, shows it over after 1.5 s and 14.95 m. Closing at
-    # 10 m/s the other needs 2 + 10 + 100 / (2 x 4) = 24.5 m then, besides half the lengths of both, 4.72 m: from 44.27 m behind.
+    # 10 m/s the other needs 2 + 10 + 100 / (2 x 4) = 24.5 m then, besides half of both lengths, 4.72 m: from 44.27 m behind.
     assert yields(outlook(slope=0.08), one_vehicle(-behind_m, MIDDLE, speed=20)) == yielded_to
 
 
