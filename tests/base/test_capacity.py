@@ -1,12 +1,13 @@
 import pytest
 
-from wzsumo.capacity import SiteSpec, lane_closure_severity_index, zone_capacity
+from wzsumo.capacity import SiteSpec, ZoneCapacity, lane_closure_severity_index, zone_capacity
 from wzsumo.errors import SpecError
 from wzsumo.spec import parse_spec
 
 
-def capacity(total, open_, *, speed=60, trucks=0.0, **site):
-    return zone_capacity(total_lanes=total, open_lanes=open_, posted_speed_mph=speed, truck_share=trucks, site=SiteSpec(**site))
+def capacity(total: int, open_: int, *, speed: float = 60, trucks: float = 0.0, **site: object) -> ZoneCapacity:
+    place = SiteSpec.model_validate(site)
+    return zone_capacity(total_lanes=total, open_lanes=open_, posted_speed_mph=speed, truck_share=trucks, site=place)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +71,7 @@ def test_ten_percent_trucks_cost_an_eleventh_of_the_vehicles() -> None:
         (2, 1, {"free_flow_speed_mph": 80}, "free-flow speed of 80 mph"),
     ],
 )
-def test_zone_that_the_model_does_not_cover_is_refused(total: int, open_: int, changes, says: str) -> None:
+def test_zone_that_the_model_does_not_cover_is_refused(total: int, open_: int, changes: dict[str, object], says: str) -> None:
     with pytest.raises(SpecError, match=says):
         capacity(total, open_, **changes)
 
@@ -83,6 +84,6 @@ def test_zone_that_the_model_does_not_cover_is_refused(total: int, open_: int, c
         ({"night": True}, "night: unknown key .*light"),
     ],
 )
-def test_site_that_cannot_be_is_refused_with_its_key(site, says: str) -> None:
+def test_site_that_is_impossible_is_refused_with_its_key(site: dict[str, object], says: str) -> None:
     with pytest.raises(SpecError, match=says):
         parse_spec(SiteSpec, site, source="site")

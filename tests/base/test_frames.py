@@ -17,7 +17,7 @@ PLACES = st.floats(-1e4, 1e4)
 
 
 @pytest.mark.parametrize(("angle_deg", "heading"), [(0, np.pi / 2), (90, 0), (180, -np.pi / 2), (270, np.pi), (45, np.pi / 4)])
-def test_sumo_angle_of_a_compass_point_is_its_heading(angle_deg: int, heading) -> None:
+def test_sumo_angle_of_a_compass_point_is_its_heading(angle_deg: int, heading: float) -> None:
     assert heading_from_sumo_angle(angle_deg) == pytest.approx(heading)
     assert sumo_angle_from_heading(heading) == pytest.approx(angle_deg)
 
@@ -30,14 +30,16 @@ def test_sumo_angle_comes_back_from_its_heading(angle_deg: float) -> None:
 
 
 @given(angle=ANGLES)
-def test_wrapped_angle_is_in_the_half_open_turn_and_points_the_same_way(angle) -> None:
+def test_wrapped_angle_is_in_the_half_open_turn_and_points_the_same_way(angle: float) -> None:
     wrapped = float(wrap_angle(angle))
     assert -np.pi < wrapped <= np.pi
     assert np.exp(1j * wrapped) == pytest.approx(np.exp(1j * angle), abs=1e-9)
 
 
 @given(x=PLACES, y=PLACES, heading=ANGLES, length=st.floats(2, 20), overhang=st.floats(0, 1))
-def test_bumper_centre_and_rear_axle_lead_back_to_one_another(x, y, heading, length: float, overhang: float) -> None:
+def test_bumper_centre_and_rear_axle_lead_back_to_one_another(
+    x: float, y: float, heading: float, length: float, overhang: float
+) -> None:
     axle = np.array([x, y, heading])
     bumper = advance(axle, length - overhang)
     centre = advance(bumper, -length / 2)

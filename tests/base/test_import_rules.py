@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -36,50 +37,53 @@ SUMO_PACKAGES = {"libsumo", "traci", "sumo", "sumolib"}
 FILES = sorted(PACKAGE.rglob("*.py"))
 
 
-def module_name(path):
+def module_name(path: Path) -> str:
     parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imports_of(path):
+def imports_of(path: Path) -> Iterator[str]:
     """Every module that a file imports, also inside functions; relative imports are resolved."""
     package = path.relative_to(PACKAGE.parent).with_suffix("").parts[:-1]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            stem = [*package[: len(package) - node.level + 1], *filter(None, [node.module])] if node.level else [node.module]
+            above = package[: len(package) - node.level + 1] if node.level else ()
+            stem = [*above, *filter(None, [node.module])]
             yield ".".join(stem)
             yield from (".".join([*stem, alias.name]) for alias in node.names)
 
 
-def part_of(module):
+def part_of(module: str) -> str | None:
     """Second name of a module of ours: a root module or a folder; None for other packages and for the package itself."""
     names = module.split(".")
     return names[1] if names[0] == "wzsumo" and len(names) > 1 else None
 
 
-def floor_of(part):
-    (floor,) = [number for number, (parts, _) in enumerate(FLOORS) if part in parts] or [None]
-    assert floor is not None, f"wzsumo.{part} is on no floor of the house: give it a place in FLOORS"
-    return floor
+def floor_of(part: str) -> int:
+    floors = [number for number, (parts, _) in enumerate(FLOORS) if part in parts]
+    assert len(floors) == 1, f"wzsumo.{part} must be on one floor of the house: give it a place in FLOORS"
+    return floors[0]
 
 
-def allowed_from(part):
+def allowed_from(part: str) -> set[str]:
     floor = floor_of(part)
     parts, together = FLOORS[floor]
-    below = set().union(*(lower for lower, _ in FLOORS[floor + 1 :]))
+    below: set[str] = set().union(*(lower for lower, _ in FLOORS[floor + 1 :]))
     return below | (parts if together == "one house" else {part})
 
 
-def modules_of_ours(path):
-    known = set().union(*(parts for parts, _ in FLOORS))
-    return {part for module in imports_of(path) if (part := part_of(module)) in known}
+def modules_of_ours(path: Path) -> set[str]:
+    known: set[str] = set().union(*(parts for parts, _ in FLOORS))
+    return {part for module in imports_of(path) if (part := part_of(module)) and part in known}
 
 
 @pytest.mark.parametrize("path", [p for p in FILES if part_of(module_name(p))], ids=module_name)
-def test_module_imports_only_from_its_own_folder_and_from_lower_floors(path) -> None:
-    assert modules_of_ours(path) <= allowed_from(part_of(module_name(path)))
+def test_module_imports_only_from_its_own_folder_and_from_lower_floors(path: Path) -> None:
+    part = part_of(module_name(path))
+    assert part is not None
+    assert modules_of_ours(path) <= allowed_from(part)
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
@@ -99,7 +103,7 @@ def test_only_simulation_connection_imports_libsumo() -> None:
     assert importers == {"wzsumo.simulation.connection"}
 
 
-def run_python(code):
+def run_python(code: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=PACKAGE.parent)
 
 

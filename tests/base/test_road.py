@@ -13,7 +13,7 @@ BENT_ROADS = {radius_ft: bent_road(radius_ft, arc_ft=1500) for radius_ft in (400
 
 @given(radius_ft=st.sampled_from(sorted(BENT_ROADS)), share=st.floats(0.001, 0.999), across=st.floats(0, 1))
 def test_station_and_offset_on_the_pavement_of_a_bend_come_back_from_the_world_point(
-    radius_ft, share: float, across: float
+    radius_ft: float, share: float, across: float
 ) -> None:
     road = BENT_ROADS[radius_ft]
     s, d = share * road.length, -road.right_shoulder + across * (road.left_edge + road.right_shoulder)
@@ -79,7 +79,7 @@ def test_road_with_a_repeated_point_is_refused() -> None:
         ({"length_ft": None, "alignment": [{"length_ft": 100, "radius_ft": 0}]}, r"radius_ft=0 is no bend"),
     ],
 )
-def test_road_spec_that_cannot_be_is_refused_with_key_and_rule(changes, message: str) -> None:
+def test_road_spec_that_is_impossible_is_refused_with_key_and_rule(changes: dict[str, object], message: str) -> None:
     content = {"lane_count": 3, "left_shoulder_ft": 12, "right_shoulder_ft": 10, "length_ft": 5000} | changes
     with pytest.raises(SpecError, match=message):
         parse_spec(RoadSpec, content, source="road.toml")

@@ -9,7 +9,7 @@ from wzsumo.tables import check_traces
 TRACES = straight_traces([0.0, 3.5], length_m=10)
 
 
-def refusal(traces):
+def refusal(traces: pd.DataFrame) -> str:
     with pytest.raises(TraceError) as refused:
         check_traces(traces, source="traces.csv")
     return str(refused.value)
@@ -38,7 +38,7 @@ def test_missing_column_is_refused_by_name_with_those_given(column: str) -> None
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, "north"])
 @pytest.mark.parametrize("column", ["time_s", "x_m", "y_m", "speed_mps"])
-def test_value_that_is_no_finite_number_is_refused_with_row_and_column(column: str, value) -> None:
+def test_value_that_is_no_finite_number_is_refused_with_row_and_column(column: str, value: object) -> None:
     bad = TRACES.astype({column: object})
     bad.loc[4, column] = value
     message = refusal(bad)

@@ -1,15 +1,13 @@
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from wzsumo.errors import SpecError
-from wzsumo.mutcd.spacing import device_gaps, tangent_spacing_ft, taper_spacing_ft
 from wzsumo.tapers import (
     buffer_length_ft,
     downstream_taper_length_ft,
     merging_taper_length_ft,
+    merging_taper_m,
     one_lane_two_way_taper_length_ft,
     shifting_taper_length_ft,
     shoulder_taper_length_ft,
@@ -40,7 +38,7 @@ PRINTED_SIGHT_DISTANCES_FT = [
 
 
 @pytest.mark.parametrize(("speed_mph", "merging", "shifting", "shoulder"), PRINTED_TAPERS_FT)
-def test_tapers_for_12_ft_offset_match_printed_table(speed_mph, merging, shifting, shoulder) -> None:
+def test_tapers_for_12_ft_offset_match_printed_table(speed_mph: float, merging: int, shifting: int, shoulder: int) -> None:
     lengths = [
         f(speed_mph, offset_ft=12) for f in (merging_taper_length_ft, shifting_taper_length_ft, shoulder_taper_length_ft)
     ]
@@ -48,14 +46,16 @@ def test_tapers_for_12_ft_offset_match_printed_table(speed_mph, merging, shiftin
 
 
 @pytest.mark.parametrize("speed_mph", PRINTED_MERGING_FT)
-def test_merging_taper_matches_printed_table_at_every_width(speed_mph) -> None:
+def test_merging_taper_matches_printed_table_at_every_width(speed_mph: int) -> None:
     lengths = [merging_taper_length_ft(speed_mph, offset_ft=width) for width in PRINTED_WIDTHS_FT]
     assert lengths == pytest.approx(PRINTED_MERGING_FT[speed_mph], abs=0.5)  # whole feet
 
 
 @pytest.mark.parametrize(("speed_mph", "merging", "shifting", "shoulder"), PRINTED_TAPERS_FT)
 @pytest.mark.parametrize("offset_ft", [0, 1, 3, 6.5, 10, 11, 24, 36])
-def test_tapers_are_in_proportion_to_the_width(speed_mph, merging, shifting, shoulder, offset_ft: float) -> None:
+def test_tapers_are_in_proportion_to_the_width(
+    speed_mph: float, merging: int, shifting: int, shoulder: int, offset_ft: float
+) -> None:
     lengths = [
         f(speed_mph, offset_ft=offset_ft) for f in (merging_taper_length_ft, shifting_taper_length_ft, shoulder_taper_length_ft)
     ]
@@ -69,7 +69,7 @@ def test_downstream_taper_is_50_to_100_ft_a_lane(lanes: int, per_lane_ft: int, l
 
 
 @pytest.mark.parametrize("length_ft", [49, 101, float("nan")])
-def test_short_taper_outside_50_to_100_ft_is_refused_with_its_key(length_ft) -> None:
+def test_short_taper_outside_50_to_100_ft_is_refused_with_its_key(length_ft: float) -> None:
     with pytest.raises(SpecError, match=rf"one_lane_two_way_taper_ft={length_ft} must be 50 to 100 ft"):
         one_lane_two_way_taper_length_ft(length_ft)
     with pytest.raises(SpecError, match=rf"downstream_taper_ft={length_ft} must be 50 to 100 ft"):
@@ -77,7 +77,7 @@ def test_short_taper_outside_50_to_100_ft_is_refused_with_its_key(length_ft) -> 
 
 
 @pytest.mark.parametrize(("speed_mph", "length_ft"), PRINTED_SIGHT_DISTANCES_FT)
-def test_buffer_matches_printed_stopping_sight_distance(speed_mph, length_ft) -> None:
+def test_buffer_matches_printed_stopping_sight_distance(speed_mph: float, length_ft: float) -> None:
     assert buffer_length_ft(speed_mph) == length_ft
 
 
@@ -97,23 +97,26 @@ def test_taper_between_40_and_45_mph_is_refused_with_the_speed(speed_mph: float)
 
 
 @pytest.mark.parametrize("speed_mph", [19, 76, -60, float("nan")])
-def test_taper_outside_the_tables_is_refused_with_the_range(speed_mph) -> None:
+def test_taper_outside_the_tables_is_refused_with_the_range(speed_mph: float) -> None:
     with pytest.raises(SpecError, match=rf"{speed_mph}.*20 to 75 mph"):
         merging_taper_length_ft(speed_mph, offset_ft=12)
 
 
 @pytest.mark.parametrize("offset_ft", [-1, float("nan"), float("inf")])
-def test_taper_for_an_offset_that_is_no_width_is_refused(offset_ft) -> None:
+def test_taper_for_an_offset_that_is_no_width_is_refused(offset_ft: float) -> None:
     with pytest.raises(SpecError, match=f"offset_ft={offset_ft}"):
         merging_taper_length_ft(60, offset_ft=offset_ft)
 
 
-def test_spacing_is_the_speed_in_tapers_and_twice_in_tangents() -> None:
-    assert (taper_spacing_ft(60), tangent_spacing_ft(60)) == (60, 120)
+@pytest.mark.parametrize("speed_mph", [*range(20, 41), *range(45, 76)])
+@pytest.mark.parametrize("offset_ft", [3, 10.5, 12])
+def test_taper_for_a_measured_speed_is_the_manuals_wherever_the_manual_has_one(speed_mph: int, offset_ft: float) -> None:
+    length_m = merging_taper_m(speed_mph * 0.44704, width_m=offset_ft * 0.3048)
+    assert length_m / 0.3048 == pytest.approx(merging_taper_length_ft(speed_mph, offset_ft=offset_ft), rel=1e-12)
 
 
-@given(length_ft=st.floats(1, 5000), spacing_ft=st.floats(5, 200))
-def test_device_gaps_are_the_fewest_that_keep_the_spacing(length_ft: float, spacing_ft: float) -> None:
-    gaps = device_gaps(length_ft, spacing_ft=spacing_ft)
-    assert length_ft / gaps <= spacing_ft * (1 + 1e-6)
-    assert gaps == 1 or length_ft / (gaps - 1) > spacing_ft * (1 - 1e-6)
+@pytest.mark.parametrize(("speed_mph", "length_ft"), [(10, 20), (42.4, 12 * 42.4**2 / 60), (42.6, 12 * 42.6), (90, 1080)])
+def test_taper_for_a_measured_speed_changes_its_formula_at_42_5_mph_and_knows_no_limits(
+    speed_mph: float, length_ft: float
+) -> None:
+    assert merging_taper_m(speed_mph * 0.44704, width_m=12 * 0.3048) / 0.3048 == pytest.approx(length_ft)

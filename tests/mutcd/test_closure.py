@@ -6,7 +6,7 @@ from builders import paper_road, paper_work_zone, two_lane_road
 
 from wzsumo.errors import SpecError
 from wzsumo.mutcd.closure import Closure, closure_of
-from wzsumo.road import Profile, Road, RoadSpec
+from wzsumo.road import Profile, Road
 
 UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
 
@@ -26,6 +26,8 @@ def feet(*lengths_m: float) -> list[float]:
         ({"closed_lanes": (0,)}, "right", 2, 1, False),
         ({"closed_lanes": (0, 1)}, "right", 1, 2, False),
         ({"closed_lanes": (2, 1)}, "left", 1, 2, False),
+        ({"closed_lanes": (1, 2), "shift_ft": 1}, "left", 1, 2, False),
+        ({"closed_lanes": (0, 1), "shift_ft": 1}, "right", 1, 2, False),
         ({"closed_lanes": (1,)}, "left", 1, 1, True),
         ({"closed_lanes": (1,), "closed_shoulder": "right"}, "right", 1, 1, True),
         ({"closed_lanes": (), "closed_shoulder": "left"}, "left", 3, 0, False),
@@ -60,8 +62,9 @@ def test_lines_of_lanes_of_unequal_width_follow_the_side() -> None:
     assert Closure(road=road, side="right", first=2, count=1).lines == (0.0, 4.0, 7.5, 10.5)
 
 
-def test_closed_side_ends_at_the_line_to_opposing_lanes() -> None:
-    road = RoadSpec(lane_count=2, opposing_lane_count=2, left_shoulder_ft=12, right_shoulder_ft=10, length_ft=5000).build()
+@pytest.mark.parametrize("opposing", [1, 2])
+def test_closed_side_ends_at_the_line_to_opposing_lanes(opposing: int) -> None:
+    road = paper_road(lane_count=2, opposing_lane_count=opposing)
     beside_opposing = closure(road, closed_lanes=(1,))
     assert beside_opposing.n_lanes == 2
     assert feet(*beside_opposing.lines) == [0, 12, 24]
@@ -95,6 +98,7 @@ BY_TURNS = {"posted_speed_mph": 45, "closed_lanes": (0,), "one_lane_two_way": "s
     ("changes", "rule"),
     [
         ({"closed_lanes": (3,)}, r"closed_lanes=\(3,\) must be lanes of the road, 0\.\.2"),
+        ({"closed_lanes": (2, 3)}, r"closed_lanes=\(2, 3\) must be lanes of the road, 0\.\.2"),
         ({"closed_lanes": (-1,)}, r"closed_lanes=\(-1,\) must be lanes of the road, 0\.\.2"),
         ({"closed_lanes": (2, 2)}, "names a lane twice"),
         ({"closed_lanes": (0, 1, 2)}, "at least one of lanes 0..2"),

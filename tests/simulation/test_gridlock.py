@@ -94,6 +94,12 @@ def test_vehicle_in_the_lane_that_leads_on_is_not_let_go() -> None:
     assert resolve(sumo, Gridlock(sumo)) == []
 
 
+def test_vehicle_for_which_none_waits_is_not_let_go() -> None:
+    sumo = vehicles_of_sumo(waited_s=60.0, speed=0.0)
+    Gridlock(sumo).resolve(("over", "waits"), np.array([OVER_LINE, (1200.0, 1.93, 0.0)]), np.full(2, 4.8), np.zeros(2))
+    assert sumo.state.told == []
+
+
 def test_vehicle_that_has_left_the_road_is_forgotten() -> None:
     sumo = vehicles_of_sumo(waited_s=60.0, speed=0.0)
     gridlock = Gridlock(sumo)
@@ -155,3 +161,13 @@ def test_lengths_of_both_vehicles_count_for_the_gap_between_them() -> None:
     poses, speeds = np.array([(0.0, 0.0, 0.0), (-12.0, 3.0, 0.0)]), np.zeros(2)
     for lengths, goes in (([5.0, 12.0], True), ([12.0, 5.0], True), ([5.0, 5.0], False), ([12.0, 12.0], False)):
         assert may_go_first(0, 1, poses=poses, lengths=np.array(lengths), speeds=speeds) == goes
+
+
+@pytest.mark.parametrize("turn", [0.6, 1.9, -2.5])
+def test_direction_of_the_road_does_not_matter(turn: float) -> None:
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    waits, far, beside = (-8.0, 3.0), (-12.0, 3.0), (2.0, 3.0)
+    for others, goes in (([waits], True), ([far], False), ([waits, beside], False)):
+        xy = np.array([(0.0, 0.0), *others]) @ rotation.T + (300.0, -200.0)
+        poses = np.column_stack([xy, np.full(len(xy), turn)])
+        assert may_go_first(0, 1, poses=poses, lengths=np.full(len(xy), 5.0), speeds=np.zeros(len(xy))) == goes

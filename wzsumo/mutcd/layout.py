@@ -34,7 +34,8 @@ def lay_out(work_zone: WorkZone, road: Road) -> WorkZoneLayout:
     turns = _taking_turns(work_zone, areas)
     strips = _closed_strips(lines, closure)
     lanes = open_lanes(closure, areas, outer=lines.outer, open_edge=lines.open_edge, turns=turns)
-    right, left = closure.right_and_left(lines.open_edge, _capped(lines.outer, closure.travelled))
+    nearer = np.minimum(lines.outer.offsets, closure.travelled)  # of the line of devices and the edge line
+    right, left = closure.right_and_left(lines.open_edge, Profile(stations=lines.outer.stations, offsets=nearer))
     if turns:  # this direction may use the opposing lane as far as its own lane leads over there
         left = lanes[0].left
     return WorkZoneLayout(
@@ -95,16 +96,6 @@ def _closed_strips(lines: _Profiles, closure: Closure) -> tuple[ClosedStrip, ...
         right, left = closure.right_and_left(*lines.gore)
         strips.append(ClosedStrip(start=start, end=end, right=right, left=left, interior=True))
     return tuple(strips)
-
-
-def _capped(line: Profile, level: float) -> Profile:
-    """min(line, level), with a break at each station where the line crosses the level between two of its points."""
-    stations, above = line.stations, line.offsets - level
-    crossing = np.flatnonzero(above[:-1] * above[1:] < 0)
-    share = above[crossing] / (above[crossing] - above[crossing + 1])
-    breaks = stations[crossing] + share * (stations[crossing + 1] - stations[crossing])
-    both = np.unique(np.concatenate([stations, breaks]))
-    return Profile(stations=both, offsets=np.minimum(line(both), level))
 
 
 def _taking_turns(work_zone: WorkZone, areas: tuple[Area, ...]) -> TakingTurns | None:
