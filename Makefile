@@ -52,4 +52,4 @@ lock: setup  ## resolve the packages of pyproject.toml anew into requirements.lo
 
 clean:  ## remove .venv, results and caches
 	rm -rf $(VENV) results .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
-	find wzsumo tests analysis -name __pycache__ -prune -exec rm -rf {} +
+	find wzsumo tests analysis .ci -name __pycache__ -prune -exec rm -rf {} +
