@@ -4,9 +4,10 @@ Changes made: a whole number plus and minus one; another number doubled and halv
 reversed; + and -, * and /, & and |, `and` and `or`, True and False, break and continue exchanged; a minus sign, `~` or `not`
 taken away; a condition reversed; a loop's body skipped.
 
-Left out, since no test should pin them: annotations, decorators, `assert`, all that a `raise` statement or an f-string holds
-(the words of messages and pages), bounds and metadata of pydantic's Field (its default is changed), `strict` of zip, blocks
-under TYPE_CHECKING, and numbers below 1e-6, which only keep a division or a comparison from failing.
+Left out, since no test should pin them: annotations, decorators, a bare `*` among arguments, `assert`, all that a `raise`
+statement or an f-string holds (the words of messages and pages), bounds and metadata of pydantic's Field (its default is
+changed), `strict` of zip, blocks under TYPE_CHECKING, and numbers up to 1e-6, which only keep a division or a comparison from
+failing.
 """
 
 import ast
@@ -22,7 +23,7 @@ from cosmic_ray.operators.provider import OperatorProvider
 from parso.python.tree import Number
 
 ROOT = Path(__file__).resolve().parents[2]
-SMALLEST_NUMBER = 1e-6
+LARGEST_GUARD = 1e-6
 EXCHANGES = {
     "ReplaceBinaryOperator": [
         ("Add", "Sub"), ("Sub", "Add"), ("Mul", "Div"), ("Div", "Mul"), ("FloorDiv", "Mul"), ("Mod", "Mul"), ("Pow", "Mul"),
@@ -107,9 +108,10 @@ def candidates_of(file: str) -> Iterator[Candidate]:
     left_out = list(spans_left_out(source))
     nodes = list(ast_nodes(get_ast(source)))
     for operator in operators():
-        places = [span for node in nodes for span in operator.mutation_positions(node)]
-        for occurrence, (start, end) in enumerate(places):
-            if not any(first <= start and end <= last for first, last in left_out):
+        places = [(node, span) for node in nodes for span in operator.mutation_positions(node)]
+        for occurrence, (node, (start, end)) in enumerate(places):
+            marks_arguments = node.parent is not None and node.parent.type in {"parameters", "param", "lambdef"}  # a bare *
+            if not marks_arguments and not any(first <= start and end <= last for first, last in left_out):
                 yield Candidate(file=file, line=start[0], operator=operator, occurrence=occurrence)
 
 
@@ -162,7 +164,7 @@ def _parts_left_out(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
             yield from (keyword.value for keyword in keywords if keyword.arg not in {"default", "default_factory"})
         case ast.Call(func=ast.Name(id="zip"), keywords=keywords):
             yield from (keyword.value for keyword in keywords)
-        case ast.Constant(value=float() as value) if 0 < value < SMALLEST_NUMBER:
+        case ast.Constant(value=float() as value) if 0 < value <= LARGEST_GUARD:
             yield node
         case _:
             pass
