@@ -9,6 +9,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from itertools import product
 
@@ -118,8 +119,8 @@ def margins() -> None:
     print("\nlargest delay with error < 0.3 m, s     no lag   lag 0.2 s   single track   single track, lag 0.2 s")
     laws: dict[str, Callable[[PlantSpec], ControlSpec]] = {"paper, 10 m/s": lambda _: PAPER}
     for speed, lookahead, prediction in product((10.0, 24.0), (0.6, 0.8, 1.2), (0.0, 0.2)):
-        laws[f"{lookahead} s ahead, predicted {prediction} s, {speed:.0f} m/s"] = (
-            lambda car, v=speed, a=lookahead, p=prediction: regulated(car, v, lookahead_time_s=a, prediction_s=p)
+        laws[f"{lookahead} s ahead, predicted {prediction} s, {speed:.0f} m/s"] = partial(
+            regulated, speed=speed, lookahead_time_s=lookahead, prediction_s=prediction
         )
     for name, law in laws.items():
         speed = 24.0 if "24" in name else 10.0
@@ -165,7 +166,10 @@ def tuned_gains() -> None:
     print("\ntuned PID: kp 1/s  ki 1/s2   kd   overshoot m/s  undershoot m/s  settled s")
     straight = ReferencePath(poses=np.array([[0.0, 0.0, 0.0], [5000.0, 0.0, 0.0]]))
     for kp, ki, kd in product((0.8, 1.0, 1.2), (0.1, 0.2, 0.3), (0.0, 0.1, 0.3)):
-        gains, over, under, settled = {"kp_1ps": kp, "ki_1ps2": ki, "kd": kd}, [], [], []
+        gains = {"kp_1ps": kp, "ki_1ps2": ki, "kd": kd}
+        over: list[float] = []
+        under: list[float] = []
+        settled: list[float] = []
         for lag in (0.3, 0.5):
             plant = PlantSpec(powertrain_lag_s=lag, command_delay_s=0.1)
             for start, target in ((0.0, 24.0), (24.0, 10.0)):
@@ -194,11 +198,11 @@ def cost() -> None:
     print("\none step of 0.05 s                      median us (n = 11 x 300)")
     for name, control in (("controller, paper", PAPER), ("controller, regulated", ControlSpec())):
         controller = Controller(PATHS["work zone"], CAR, control)
-        print(f"{name:38} {median_us(lambda c=controller: c.command(state, dt=DT)):8.1f}")
+        print(f"{name:38} {median_us(partial(controller.command, state, dt=DT)):8.1f}")
     for body in ("kinematic", "single_track"):
         plant = PlantSpec.model_validate({"body": body, **LATE})
         moving = advance_ego(state, push, dt=DT, vehicle=CAR, spec=plant)
-        took = median_us(lambda s=moving, p=plant: advance_ego(s, push, dt=DT, vehicle=CAR, spec=p))
+        took = median_us(partial(advance_ego, moving, push, dt=DT, vehicle=CAR, spec=plant))
         print(f"{'plant, ' + body:38} {took:8.1f}")
     if find_spec("vehiclemodels"):
         from vehiclemodels.parameters_vehicle2 import parameters_vehicle2

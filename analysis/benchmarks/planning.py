@@ -17,6 +17,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 sys.path[0] = str(Path(__file__).parents[2] / "tests")
 
@@ -34,7 +35,7 @@ from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
 Pose = tuple[float, float, float]
-CASES = {
+CASES: dict[str, dict[str, Any]] = {
     "corridor, 0.25 m": {"resolution": 0.25},
     "corridor, 0.127 m": {"resolution": 0.127},
     "cones alone, 0.25 m": {"resolution": 0.25, "kind": "cones"},
@@ -165,12 +166,12 @@ def ompl_run(grid: OccupancyGrid, start: Pose, goal: Pose) -> Callable[[], objec
     return run
 
 
-def measure(case: str, n: int) -> dict[str, object]:
+def measure(case: str, n: int) -> dict[str, Any]:
     grid, start, goal = work_zone_grid(**CASES[case])
     spec = PlannerSpec()
     plan = plan_path(grid, start=start, goal=goal, vehicle=CAR, spec=spec)
     field = prepare_field(grid, goal=goal, vehicle=CAR, spec=spec)
-    figures: dict[str, object] = {
+    figures: dict[str, Any] = {
         "cells": grid.p_occupied.size,
         "status": str(plan.status),
         "expansions": plan.n_expansions,
