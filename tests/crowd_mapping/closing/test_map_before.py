@@ -43,15 +43,15 @@ def test_lanes_before_and_after_the_zone_take_most_of_the_common_error_away() ->
     assert np.sqrt(np.mean(np.square(joined))) < 0.75 * np.sqrt(np.mean(np.square(alone)))
 
 
-def test_drivers_still_on_their_way_back_behind_the_last_device_do_not_shift_the_lanes() -> None:
-    # One lane past the work over the opposing one; 30 of the 50 m known behind it are taken up by the way back.
+def one_lane_past_the_work() -> tuple[Road, LaneStructure]:
+    """A road of one lane of 12 ft that leads over the opposing one past the work, and the model of ten drivers."""
     spec = RoadSpec(
         lane_count=1, lane_width_ft=12, opposing_lane_count=1, left_shoulder_ft=6, right_shoulder_ft=6, length_ft=3600
     )
-    road, width = spec.build(), 3.6576
+    road = spec.build()
     time = np.arange(0.0, 42.0, 0.1)
     x = 500.0 + 10.0 * time
-    y = road.lane_centre(0) + width * np.interp(x, [550.0, 608.0, 820.0, 900.0], [0.0, 1.0, 1.0, 0.0])
+    y = road.lane_centre(0) + WIDTH_M * np.interp(x, [550.0, 608.0, 820.0, 900.0], [0.0, 1.0, 1.0, 0.0])
     traces = pd.concat(
         pd.DataFrame({
             "vehicle_id": str(i), "time_s": time, "x_m": x, "y_m": y + habit,
@@ -59,9 +59,22 @@ def test_drivers_still_on_their_way_back_behind_the_last_device_do_not_shift_the
         })
         for i, habit in enumerate(np.linspace(-0.3, 0.3, 10))
     )  # fmt: skip
-    model = fit_lane_structure(traces, spec=LaneStructureSpec(), before=MapBefore(road=road, start=550.0, end=870.0))
+    before = MapBefore(road=road, start=550.0, end=870.0)
+    return road, fit_lane_structure(traces, spec=LaneStructureSpec(), before=before)
+
+
+def test_drivers_still_on_their_way_back_behind_the_last_device_do_not_shift_the_lanes() -> None:
+    # 30 of the 50 m known behind the last device are taken up by the way back.
+    road, model = one_lane_past_the_work()
     beside = np.interp(715.0, model.table.stations, model.path.course) + model.levels.right
-    assert beside == pytest.approx(road.lane_centre(0) + width, abs=0.05)
+    assert beside == pytest.approx(road.lane_centre(0) + WIDTH_M, abs=0.05)
+
+
+def test_width_of_a_single_lane_is_that_of_the_road_to_3_cm_but_for_a_narrowing_of_8_cm() -> None:
+    _, model = one_lane_past_the_work()
+    assert model.levels.n_lanes == 1
+    assert model.levels.width == pytest.approx(WIDTH_M)
+    assert model.levels.width_sd == pytest.approx(np.hypot(0.03, 0.08), rel=1e-3)
 
 
 def test_lane_that_closes_and_nobody_drove_is_open_up_to_the_taper_and_not_beyond() -> None:
@@ -127,16 +140,16 @@ def anchor(
     right: float,
     closed: tuple[int, ...] = (),
     shifts: tuple[Shift, ...] = (),
-    n_traces: int = 4,
+    zone: tuple[float, float] = (100.0, 900.0),
     sd_m: float = 0.1,
 ) -> Anchor:
-    """The anchor of so many open lanes, the first at `right` [m], on a road of three lanes, announced from 100 to 900 m."""
-    lanes = np.zeros((n_traces, 100))
+    """The anchor of so many open lanes, the first at `right` [m], on a road of three lanes, by four traces over 990 m."""
+    n_traces, lanes = 4, np.zeros((4, 100))
     levels = lane_levels(
         lanes, n_lanes=n_lanes, closed=closed, right=right, width=WIDTH_M, covariance=sd_m**2 * np.eye(2), spread=0.3
     )
     path, table = common_path(lanes, np.full(n_traces, right)), station_table(np.full((n_traces, 100), right))
-    before = MapBefore(road=three_lanes(), start=100.0, end=900.0)
+    before = MapBefore(road=three_lanes(), start=zone[0], end=zone[1])
     return anchor_levels(levels, path, table, before, weights=np.ones(n_traces), shifts=shifts)
 
 
@@ -145,6 +158,11 @@ LANE_0_M, LANE_1_M, LANE_2_M = 1.8288, 5.4864, 9.144  # middles of three lanes o
 
 def test_lanes_are_those_of_the_road_that_lie_nearest() -> None:
     assert [anchor(1, right=at + 0.4).first_lane for at in (LANE_0_M, LANE_1_M, LANE_2_M)] == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("start_m", "first_lane"), [(5.0, None), (15.0, 1)])
+def test_nothing_is_anchored_to_a_single_station_outside_the_zone(start_m: float, first_lane: int | None) -> None:
+    assert anchor(1, right=LANE_1_M, zone=(start_m, 2000.0)).first_lane == first_lane
 
 
 # Noise 0.12 m at 19 stations outside the zone, drift 0.03 m over 81 inside, of 4 traces; drivers keep the middle to 0.05 m.

@@ -141,7 +141,7 @@ def test_announced_line_of_one_vehicle_equals_its_densities_written_out(mislabel
     gap, certain = line.stations - (840 + 0.75 * 200), 1 - mistaken
     clear = certain * norm.cdf(gap / 8)
     mean = (100 + clear * np.maximum(gap, 0)) / (1 + clear)
-    left = certain * exponnorm.pdf(gap, mean / 8, scale=8) + mistaken / 1000
+    left = np.asarray(certain * exponnorm.pdf(gap, mean / 8, scale=8) + mistaken / 1000)
     belief = FIRST_DEVICE.density_as_drawn(line.stations, length=200.0) * (1 - certain * norm.cdf(-gap / 8))
     belief += FIRST_DEVICE.density_late(line.stations, length=200.0) * left / left.max()
     np.testing.assert_allclose(line.probability[1], belief / belief.sum(), rtol=1e-6)

@@ -103,6 +103,10 @@ def test_open_lanes_that_are_used_alike_are_likelier_than_others_as_three_vehicl
     assert alike - apart == pytest.approx(difference, abs=0.02)
 
 
+def test_hypotheses_are_compared_by_a_hundred_traces_at_most() -> None:
+    assert len(hypotheses_of(keepers(80, 70), n_open=2)[0].first) == 100
+
+
 @pytest.mark.parametrize("n_open", [2, 3])
 def test_lanes_are_counted_by_the_ways_that_changes_went_where_levels_overlap(n_open: int) -> None:
     # At 2 m the levels of two lanes and of three look alike; but nobody leaves an outermost lane outwards.
