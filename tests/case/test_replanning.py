@@ -1,124 +1,102 @@
-"""A map that reaches the ego while it drives, in real SUMO traffic: a lane is closed ahead of which it did not know."""
-
-from functools import partial
-
 import numpy as np
 import pytest
+from builders import paper_layout
 
-from wzsumo.case.closed_loop import STEP_S, Drive, drive_path
-from wzsumo.case.methods import map_of_before
-from wzsumo.case.plans import nominal_guide
-from wzsumo.case.replanning import REPLAN_AHEAD_S, NewMap
-from wzsumo.control.plant import PlantSpec
-from wzsumo.ego import Outcome
+from wzsumo.case.replanning import NewMap, PathFollower
+from wzsumo.ego import EgoState
 from wzsumo.errors import SpecError
-from wzsumo.planning.plan import plan_path
-from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.scenario.scenario import Scenario
+from wzsumo.path import ReferencePath
+from wzsumo.planning.plan import Plan, PlanStatus
+from wzsumo.scenario.scenario import Pose
 from wzsumo.scenario.sections import ControlSection, MapUpdatesSpec
-from wzsumo.scenario.site import prepare_site
-from wzsumo.simulation.demand import DemandSpec
-from wzsumo.simulation.files import SimulationSpec, write_sumo_files
-from wzsumo.simulation.session import Session
 from wzsumo.spec import parse_spec
 from wzsumo.vehicle import VehicleGeometry
 
-CAR = VehicleGeometry()
-SPEED = 15.0
-SCENARIO = Scenario.model_validate({
-    "name": "closing", "seed": 5,
-    "road": {"lane_count": 2, "lane_width_ft": 12, "left_shoulder_ft": 10, "right_shoulder_ft": 10, "length_ft": 3500},
-    "work_zone": {
-        "posted_speed_mph": 45, "start_ft": 900, "closed_lanes": [1], "closed_shoulder": "left", "work_length_ft": 200,
-        "device": "cone_36in",
-    },
-    "route": {"start_lane": 1, "goal_lane": 0},
-    "map": {"resolution_m": 0.25},
-    "planner": {"planned_speed_mps": SPEED},
-})  # fmt: skip
+Y = 5.5  # the middle lane of a road along +x
+NEW_Y = 6.5
 
 
-@pytest.fixture(scope="module")
-def site():
-    return prepare_site(SCENARIO)
+def straight_path(start_m: float, y: float, *, length_m: float) -> ReferencePath:
+    """A pose a metre from (start_m, y) on."""
+    x = np.arange(start_m, start_m + length_m + 0.5)
+    return ReferencePath(poses=np.column_stack([x, np.full_like(x, y), np.zeros_like(x)]))
 
 
-@pytest.fixture(scope="module")
-def files(site, tmp_path_factory: pytest.TempPathFactory):
-    spec = SimulationSpec(demand=DemandSpec(flow_vph=600, duration_s=200, truck_share=0.1))
-    return write_sumo_files(site.layout, tmp_path_factory.mktemp("closing"), spec=spec, seed=5)
+def plan_with(path: ReferencePath | None) -> Plan:
+    found = path is not None
+    return Plan(
+        status=PlanStatus.FOUND if found else PlanStatus.NO_PATH, reason="" if found else "no free corridor", path=path,
+        min_clearance_m=1.0, max_p_occupied=0.0, risk_m=0.0, speed_mps=15.0, n_expansions=1, timings_ms={"total": 7.0},
+    )  # fmt: skip
 
 
-def plan_on(grid, site, start):
-    spec = PlannerSpec(planned_speed_mps=SPEED)
-    return plan_path(grid, start=start, goal=site.goal, vehicle=CAR, spec=spec, guide=nominal_guide(site))
+def at(x: float) -> EgoState:
+    return EgoState(x=x, y=Y, heading=0.0, speed=15.0)
 
 
-def drive(site, files, *, new_maps):
-    path = plan_on(map_of_before(site), site, site.start).path
-    control = ControlSection(target_speed_mps=SPEED)
-    how = Drive(vehicle=CAR, control=control, plant=PlantSpec(steering_lag_s=0.2), depart_s=40.0, time_limit_s=200.0)
-    return drive_path(path, layout=site.layout, files=files, drive=how, on_step=lambda _: None, new_maps=new_maps)
+@pytest.fixture
+def follower() -> PathFollower:
+    """A follower of a path from x = 100 m to 300 m, whose ego is at x = 150 m."""
+    control = ControlSection(target_speed_mps=15.0)
+    made = PathFollower(
+        straight_path(100.0, Y, length_m=200.0), layout=paper_layout(), vehicle=VehicleGeometry(), control=control
+    )
+    made.controller.command(at(150.0), dt=0.05)
+    return made
 
 
-def test_drivers_are_shown_the_ego_as_wide_as_it_is_with_its_clearance_at_every_step(
-    site, files, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shown, place_ego = [], Session.place_ego
+def test_new_plan_begins_where_the_ego_will_be_in_one_second(follower: PathFollower) -> None:
+    starts: list[Pose] = []
 
-    def spy(session, parts, *, speed) -> None:
-        shown.append(parts)
-        place_ego(session, parts, speed=speed)
+    def plan(start: Pose) -> Plan:
+        starts.append(start)
+        return plan_with(straight_path(165.0, NEW_Y, length_m=50.0))
 
-    monkeypatch.setattr(Session, "place_ego", spy)
-    run = drive(site, files, new_maps=())
-    assert len(shown) == len(run.log)
-    for (part,) in shown[:100]:  # in the middle of its lane
-        assert part.width == pytest.approx(CAR.width_m + 2 * 0.3, abs=0.01)
+    replan = follower.replan(NewMap(after_s=2.0, plan=plan), at(150.0), time=42.0)
+    assert starts == [(165.0, Y, 0.0)]
+    assert (replan.time_s, replan.station_m, replan.reason, replan.plan_ms) == (42.0, 65.0, "", 7.0)
 
 
-def true_map(site):
-    return site.cells.with_p_occupied(np.where(site.nominal | site.drivable, 0.0, 1.0))
+def test_stations_go_on_counting_from_where_the_ego_set_out(follower: PathFollower) -> None:
+    new = straight_path(165.0, NEW_Y, length_m=50.0)
+    follower.replan(NewMap(after_s=2.0, plan=lambda _: plan_with(new)), at(150.0), time=42.0)
+    follower.controller.command(at(150.0), dt=0.05)
+    outlook = follower.outlook(at(150.0))
+    assert outlook.station == pytest.approx(50.0)
+    assert outlook.path.poses[:65, 1] == pytest.approx(Y)
+    assert outlook.path.poses[65:, 1] == pytest.approx(NEW_Y)
+    assert len(outlook.path.poses) == 65 + 51
+    assert len(outlook.desired_speeds) == 65 + 51
 
 
-def test_ego_that_is_told_nothing_of_the_closed_lane_runs_into_its_devices(site, files) -> None:
-    run = drive(site, files, new_maps=())
-    assert run.outcome in {Outcome.STRUCK_DEVICE, Outcome.ENTERED_CLOSED_AREA}
-    assert run.replans == ()
+def test_plan_without_a_path_leaves_the_ego_on_its_own(follower: PathFollower) -> None:
+    before = follower.outlook(at(150.0)).path
+    replan = follower.replan(NewMap(after_s=2.0, plan=lambda _: plan_with(None)), at(150.0), time=42.0)
+    assert replan.reason == "no free corridor"
+    assert follower.outlook(at(150.0)).path is before
 
 
-def test_map_that_arrives_on_the_way_leads_the_ego_past_the_closed_lane_without_a_jump(
-    site, files, capfd: pytest.CaptureFixture[str]
-) -> None:
-    run = drive(site, files, new_maps=[NewMap(after_s=3.0, plan=partial(plan_on, true_map(site), site))])
-    assert run.outcome is Outcome.REACHED_GOAL, run.reason
-    assert capfd.readouterr() == (
-        "",
-        "",
-    )  # SUMO would warn of an "emergency stop" of the ego, which it counts to a lane that ends
-    (replan,) = run.replans
-    assert replan.time_s == pytest.approx(run.log["time_s"].iloc[0] + 3.0, abs=2 * STEP_S)
-    place = run.log["s_m"][run.log["time_s"] >= replan.time_s].iloc[0]
-    assert replan.station_m == pytest.approx(place + REPLAN_AHEAD_S * SPEED, abs=1.5)
-    # Nothing jumps: neither place, heading, the station that the log counts on, nor the wheel.
-    log = run.log
-    assert np.hypot(log["x_m"].diff(), log["y_m"].diff()).max() < 1.05 * log["speed_mps"].max() * STEP_S
-    assert log["s_m"].diff().min() >= 0
-    assert log["heading_rad"].diff().abs().max() < 2.5 / SPEED * STEP_S  # 2 m/s2 of lateral acceleration, and a quarter more
-    assert log["steering_rad"].diff().abs().max() < np.deg2rad(0.5)
-    assert log["cross_track_m"].abs().max() < 0.2
+def test_new_plan_near_the_end_begins_before_the_last_pose(follower: PathFollower) -> None:
+    starts: list[Pose] = []
+
+    def plan(start: Pose) -> Plan:
+        starts.append(start)
+        return plan_with(None)
+
+    follower.controller.command(at(299.0), dt=0.05)
+    follower.replan(NewMap(after_s=2.0, plan=plan), at(299.0), time=42.0)
+    assert starts == [(299.0, Y, 0.0)]
 
 
-def test_map_without_a_way_on_ends_the_run_and_says_when_and_why(site, files) -> None:
-    walled = site.cells.with_p_occupied(np.where(site.nominal, 0.0, 1.0))
-    run = drive(site, files, new_maps=[NewMap(after_s=2.0, plan=partial(plan_on, walled, site))])
-    assert run.outcome is Outcome.NO_PATH
-    assert run.reason.startswith("on the map that came after 2.0 s no free corridor")
-    assert [replan.status for replan in run.replans] == ["NO_PATH"]
+def test_outlook_wants_the_target_speed_with_the_drivers_acceleration(follower: PathFollower) -> None:
+    outlook = follower.outlook(at(150.0))
+    assert outlook.station == pytest.approx(50.0)
+    assert outlook.acceleration == 1.4
+    assert outlook.desired_speeds == pytest.approx(np.full(201, 15.0))
 
 
 @pytest.mark.parametrize("times", [[5, 5], [10, 4]])
-def test_maps_that_do_not_come_one_after_the_other_are_refused(times) -> None:
+def test_maps_that_do_not_come_one_after_the_other_are_refused(times: list[int]) -> None:
     arrivals = [{"after_s": time, "used": 5} for time in times]
     with pytest.raises(SpecError, match="must come one after the other"):
         parse_spec(MapUpdatesSpec, {"arrivals": arrivals}, source="map_updates")

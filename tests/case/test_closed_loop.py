@@ -1,0 +1,175 @@
+"""The ego in SUMO traffic on a road where a lane is closed ahead that its map shows open."""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from wzsumo.case.closed_loop import Drive, drive_path
+from wzsumo.case.methods import map_of_before
+from wzsumo.case.plans import nominal_guide
+from wzsumo.case.replanning import NewMap
+from wzsumo.control.plant import PlantSpec
+from wzsumo.ego import EgoRun, Outcome
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.plan import Plan, plan_path
+from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.scenario.scenario import Pose, Scenario
+from wzsumo.scenario.sections import ControlSection
+from wzsumo.scenario.site import Site, prepare_site
+from wzsumo.simulation.demand import DemandSpec
+from wzsumo.simulation.files import SimulationSpec, SumoFiles, write_sumo_files
+from wzsumo.simulation.session import LaneBody, Session
+from wzsumo.vehicle import VehicleGeometry
+
+CAR = VehicleGeometry()
+SPEED = 15.0
+SCENARIO = Scenario.model_validate({
+    "name": "closing", "seed": 5,
+    "road": {"lane_count": 2, "lane_width_ft": 12, "left_shoulder_ft": 10, "right_shoulder_ft": 10, "length_ft": 3500},
+    "work_zone": {
+        "posted_speed_mph": 45, "start_ft": 900, "closed_lanes": [1], "closed_shoulder": "left", "work_length_ft": 200,
+        "device": "cone_36in",
+    },
+    "route": {"start_lane": 1, "goal_lane": 0},
+    "map": {"resolution_m": 0.25},
+    "planner": {"planned_speed_mps": SPEED},
+})  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def site() -> Site:
+    return prepare_site(SCENARIO)
+
+
+@pytest.fixture(scope="module")
+def files(site: Site, tmp_path_factory: pytest.TempPathFactory) -> SumoFiles:
+    spec = SimulationSpec(demand=DemandSpec(flow_vph=600, duration_s=200, truck_share=0.1))
+    return write_sumo_files(site.layout, tmp_path_factory.mktemp("closing"), spec=spec, seed=5)
+
+
+def plan_on(grid: OccupancyGrid, site: Site, start: Pose) -> Plan:
+    spec = PlannerSpec(planned_speed_mps=SPEED)
+    return plan_path(grid, start=start, goal=site.goal, vehicle=CAR, spec=spec, guide=nominal_guide(site))
+
+
+def drive(site: Site, files: SumoFiles, *, new_maps: list[NewMap]) -> EgoRun:
+    path = plan_on(map_of_before(site), site, site.start).path
+    assert path is not None
+    control = ControlSection(target_speed_mps=SPEED)
+    how = Drive(vehicle=CAR, control=control, plant=PlantSpec(steering_lag_s=0.2), depart_s=40.0, time_limit_s=200.0)
+    return drive_path(path, layout=site.layout, files=files, drive=how, on_step=lambda _: None, new_maps=new_maps)
+
+
+class Watched(NamedTuple):
+    """A run without new maps, and what SUMO was told in it."""
+
+    run: EgoRun
+    bodies: list[tuple[LaneBody, ...]]  # at each step
+    emergency_braking: list[set[str]]  # who may brake so, at each look around
+
+
+@pytest.fixture(scope="module")
+def watched(site: Site, files: SumoFiles) -> Watched:
+    bodies: list[tuple[LaneBody, ...]] = []
+    emergency_braking: list[set[str]] = []
+    place_ego, allow = Session.place_ego, Session.allow_emergency_braking
+
+    def spy_place(session: Session, shown: tuple[LaneBody, ...], *, speed: float) -> None:
+        bodies.append(shown)
+        place_ego(session, shown, speed=speed)
+
+    def spy_allow(session: Session, names: Any) -> None:
+        emergency_braking.append(set(names))
+        allow(session, names)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Session, "place_ego", spy_place)
+        patch.setattr(Session, "allow_emergency_braking", spy_allow)
+        run = drive(site, files, new_maps=[])
+    return Watched(run=run, bodies=bodies, emergency_braking=emergency_braking)
+
+
+def test_ego_that_is_told_nothing_of_the_closed_lane_runs_into_its_devices(watched: Watched) -> None:
+    assert watched.run.outcome in {Outcome.STRUCK_DEVICE, Outcome.ENTERED_CLOSED_AREA}
+    assert watched.run.replans == ()
+
+
+def test_drivers_are_shown_the_ego_as_wide_as_it_is_with_its_clearance_at_every_step(watched: Watched) -> None:
+    assert len(watched.bodies) == len(watched.run.log)
+    for (body,) in watched.bodies[:100]:  # in the middle of its lane
+        assert body.width == pytest.approx(1.86 + 2 * 0.3, abs=0.01)
+
+
+def test_ego_gets_twenty_commands_a_second_and_looks_around_ten_times(watched: Watched) -> None:
+    run = watched.run
+    np.testing.assert_allclose(run.log["time_s"].diff().iloc[1:], 0.05, atol=1e-6)
+    looks = np.unique(run.traffic["time_s"])
+    np.testing.assert_allclose(np.diff(looks).min(), 0.1, atol=1e-6)
+    assert len(watched.emergency_braking) == pytest.approx(len(run.log) / 2, abs=1)
+
+
+def test_vehicles_within_100_m_are_logged_at_each_look_and_all_once_a_second(watched: Watched) -> None:
+    run = watched.run
+    ego = run.log.set_index(run.log["time_s"].round(2))
+    near = run.traffic.assign(time_s=run.traffic["time_s"].round(2))
+    everybody = run.followers.assign(time_s=run.followers["time_s"].round(2))
+    np.testing.assert_allclose(np.diff(np.unique(everybody["time_s"])), 1.0, atol=1e-6)
+    apart = np.hypot(
+        everybody["x_m"] - ego["x_m"].reindex(everybody["time_s"]).to_numpy(),
+        everybody["y_m"] - ego["y_m"].reindex(everybody["time_s"]).to_numpy(),
+    )
+    assert (apart > 100).any()
+    expected = everybody[apart <= 100]
+    found = near[near["time_s"].isin(np.unique(everybody["time_s"]))]
+    assert set(zip(found["time_s"], found["vehicle_id"], strict=True)) == set(
+        zip(expected["time_s"], expected["vehicle_id"], strict=True)
+    )
+
+
+def test_vehicles_near_the_ego_may_brake_as_in_an_emergency_if_they_are_less_than_ten_metres_ahead(watched: Watched) -> None:
+    run = watched.run
+    times = run.log["time_s"].round(2).iloc[::2].to_numpy()  # the first row is a look around
+    assert len(times) == len(watched.emergency_braking)
+    ego = run.log.set_index(run.log["time_s"].round(2))
+    near = run.traffic.assign(time_s=run.traffic["time_s"].round(2))
+    ahead = near["x_m"] - ego["x_m"].reindex(near["time_s"]).to_numpy()  # the road runs along +x
+    clear = near[np.abs(ahead - 10.0) > 0.2]
+    for time, names in zip(times, watched.emergency_braking, strict=True):
+        rows = clear[clear["time_s"] == time]
+        not_ahead = rows["x_m"] - ego["x_m"][time] < 10.0
+        assert set(rows["vehicle_id"][not_ahead]) <= names
+        assert not set(rows["vehicle_id"][~not_ahead]) & names
+
+
+def true_map(site: Site) -> OccupancyGrid:
+    return site.cells.with_p_occupied(np.where(site.nominal | site.drivable, 0.0, 1.0))
+
+
+def test_map_that_arrives_on_the_way_leads_the_ego_past_the_closed_lane_without_a_jump(
+    site: Site, files: SumoFiles, capfd: pytest.CaptureFixture[str]
+) -> None:
+    run = drive(site, files, new_maps=[NewMap(after_s=3.0, plan=partial(plan_on, true_map(site), site))])
+    assert run.outcome is Outcome.REACHED_GOAL, run.reason
+    # SUMO would warn of an "emergency stop" of the ego, which it counts to a lane that ends.
+    assert capfd.readouterr() == ("", "")
+    (replan,) = run.replans
+    assert replan.time_s == pytest.approx(run.log["time_s"].iloc[0] + 3.0, abs=2 * 0.05)
+    place = run.log["s_m"][run.log["time_s"] >= replan.time_s].iloc[0]
+    assert replan.station_m == pytest.approx(place + 1.0 * SPEED, abs=1.5)
+    # Nothing jumps: neither place, heading, the station of the log, nor the wheel.
+    log = run.log
+    assert np.hypot(log["x_m"].diff(), log["y_m"].diff()).max() < 1.05 * log["speed_mps"].max() * 0.05
+    assert log["s_m"].diff().min() >= 0
+    assert log["heading_rad"].diff().abs().max() < 2.5 / SPEED * 0.05  # 2 m/s2 of lateral acceleration, and a quarter more
+    assert log["steering_rad"].diff().abs().max() < np.deg2rad(0.5)
+    assert log["cross_track_m"].abs().max() < 0.2
+
+
+def test_map_without_a_way_on_ends_the_run_and_says_when_and_why(site: Site, files: SumoFiles) -> None:
+    walled = site.cells.with_p_occupied(np.where(site.nominal, 0.0, 1.0))
+    run = drive(site, files, new_maps=[NewMap(after_s=2.0, plan=partial(plan_on, walled, site))])
+    assert run.outcome is Outcome.NO_PATH
+    assert run.reason.startswith("on the map that came after 2.0 s no free corridor")
+    assert [replan.status for replan in run.replans] == ["NO_PATH"]
