@@ -77,9 +77,9 @@ def test_vehicle_counts_in_the_closed_area_by_its_outline(y: float, n: int) -> N
     assert summarise_fleet(trace("v", (950.0, 1100.0), y), LAYOUT).n_in_closed_area == n
 
 
-@pytest.mark.parametrize(("length", "n"), [(4.8, 0), (36.0, 1)])
+@pytest.mark.parametrize(("length", "n"), [(27.4, 0), (27.9, 1)])
 def test_outline_of_a_long_vehicle_before_the_zone_reaches_into_it(length: float, n: int) -> None:
-    # On the left shoulder, whose taper begins at 243.84 m: the front of 36 m is 18 m ahead of the centre.
+    # On the left shoulder, whose taper begins at 243.84 m: the last centre is at 230 m, half a length behind the front.
     traces = trace("v", (200.0, 230.0), 47 * FOOT_M, length=length)
     assert summarise_fleet(traces, LAYOUT).n_in_closed_area == n
 
