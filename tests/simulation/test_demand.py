@@ -207,3 +207,45 @@ def test_opposing_vehicles_depart_on_their_own_route_and_leave_the_others_as_the
     assert abs(len(opposing) - 200) <= 5 * np.sqrt(200)  # 600 veh/h for 1200 s
     departs = [float(v["depart"]) for v in both]
     assert departs == sorted(departs)
+
+
+def test_vehicle_types_are_60_drivers_of_cars_and_60_of_trucks_of_their_sizes(tmp_path: Path) -> None:
+    types = elements(demand(tmp_path), "vType")
+    kinds = [(t["vClass"], t["length"], t["width"]) for t in types]
+    assert kinds == [("passenger", "4.8", "1.85")] * 60 + [("truck", "12.0", "2.5")] * 60
+    assert {t["speedFactor"] for t in types} == {"normc(1,0.1,0.75,1.3)"}
+    assert {t["lcSigma"] for t in types} == {"0.08"}
+    aside = np.array([float(t["latAlignment"]) for t in types])
+    assert np.abs(aside).max() == 0.4  # two standard deviations
+    assert 0.15 < aside.std() < 0.25
+
+
+def test_demand_that_leaves_all_out_is_that_of_the_documentation() -> None:
+    left_out = DemandSpec().model_dump(mode="json")
+    assert left_out.pop("drivers")["name"] == "uncalibrated"
+    assert left_out == {
+        "flow_vph": 1500, "flow_profile": [], "opposing_flow_vph": 0, "truck_share": 0.1, "lane_use": [], "duration_s": 1200,
+        "warm_up_s": 120, "speed_factor_sd": 0.1, "lateral_sd_m": 0.2, "lateral_wander": 0.08, "merge_ahead_m": [100, 500],
+    }  # fmt: skip
+
+
+def test_drivers_that_leave_all_out_are_sumos_but_for_the_loaded_truck() -> None:
+    left_out = DRIVER_PRESETS["uncalibrated"].model_dump(exclude={"name"})
+    assert left_out == {
+        "tau_s": 1.0, "accel_mps2": 2.6, "truck_tau_s": 1.0, "truck_accel_mps2": 1.0, "sigma": 0.5, "lc_assertive": 1.0,
+        "lc_lookahead_left": 2.0, "calibrated_step_length_s": None, "calibrated_lateral_resolution_m": None,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("total", "open_lanes", "car_extra_s", "truck_accel_mps2"), [(2, 1, 0.88, 0.7), (3, 1, 1.03, 0.7), (3, 2, 1.14, 0.5)]
+)
+def test_fitted_time_gaps_are_the_queues_headway_less_what_was_fitted(
+    total: int, open_lanes: int, car_extra_s: float, truck_accel_mps2: float
+) -> None:
+    drivers = hcm_drivers(1500.0, total_lanes=total, open_lanes=open_lanes)  # a headway of 2.4 s
+    assert drivers.tau_s == pytest.approx(2.4 - car_extra_s)
+    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - 1.22)
+    assert drivers.truck_accel_mps2 == truck_accel_mps2
+    assert (drivers.lc_assertive, drivers.lc_lookahead_left) == (1.3, 1.0)
+    assert (drivers.calibrated_step_length_s, drivers.calibrated_lateral_resolution_m) == (0.1, 0.45)

@@ -5,7 +5,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from builders import bent_road, paper_layout, paper_road, paper_work_zone
+from builders import bent_road, paper_layout, paper_road, paper_work_zone, two_lane_road
 
 from wzsumo.frames import FloatArray
 from wzsumo.mutcd.layout import lay_out
@@ -136,3 +136,79 @@ def test_lanes_on_a_bend_are_narrower_by_what_a_truck_cuts_on_either_side(tmp_pa
     lane_m, sagitta_m = 12 * 0.3048, 12.0**2 / (8 * abs(radius_ft) * 0.3048)
     assert min(widths) == pytest.approx(lane_m - 0.2 - 2 * sagitta_m, abs=0.01)  # a polyline turns more sharply at its corners
     assert max(widths) <= lane_m - 0.2 + 0.0005
+
+
+def by_turns(control: str) -> WorkZoneLayout:
+    zone = paper_work_zone(
+        posted_speed_mph=45, closed_lanes=(0,), closed_shoulder="right", **UNSHIFTED, one_lane_two_way=control
+    )
+    return lay_out(zone, two_lane_road())
+
+
+def lane_attributes(layout: WorkZoneLayout, folder: Path) -> dict[str, list[dict[str, str]]]:
+    """Attributes of the lanes of each edge, from the right, as they are given to netconvert."""
+    write_network(layout, folder)
+    edges = ET.parse(folder / "zone.edg.xml").getroot()  # noqa: S314 a file that we have just written
+    return {edge.attrib["id"].split("_", 1)[1]: [lane.attrib for lane in edge] for edge in edges}
+
+
+def test_no_vehicle_may_change_lanes_across_a_gore_or_within_100_m_ahead_of_it(tmp_path: Path) -> None:
+    # The tangent is 360 ft, 109.7 m long: what lies ahead of it ends more than 100 m ahead of the gore's tip.
+    lanes = lane_attributes(LAYOUTS["interior"](), tmp_path)
+    for area in ("tangent", "shifting_taper", "activity_area"):
+        right, left = lanes[area][0], lanes[area][-1]
+        assert (right.get("changeLeft"), left.get("changeRight")) == ("custom1", "custom1"), area
+        assert not {"changeRight"} & set(right)
+        assert not {"changeLeft"} & set(left)
+    for area in ("approach", "departure"):
+        assert not [lane for lane in lanes[area] if {"changeLeft", "changeRight"} & set(lane)], area
+    assert not {"changeLeft"} & set(lanes["merging_taper"][0])  # its last piece, 110 m ahead of the gore
+
+
+def test_remnant_admits_cars_alone_may_be_left_and_not_be_entered(tmp_path: Path) -> None:
+    layout = paper_layout()
+    write_network(layout, tmp_path)
+    edges = {edge.id: edge for edge in edges_of(layout)}
+    root = ET.parse(tmp_path / "zone.edg.xml").getroot()  # noqa: S314 a file that we have just written
+    (lanes,) = [list(e) for e in root if len(edges[e.attrib["id"]].through_lanes) < len(edges[e.attrib["id"]].lanes)]
+    right, beside, remnant = (lane.attrib for lane in lanes)
+    assert remnant["allow"] == "passenger"
+    assert not {"changeRight", "changeLeft"} & set(remnant)
+    assert beside["changeLeft"] == "custom1"
+    assert not {"changeLeft", "changeRight", "allow", "disallow"} & set(right)
+    assert "changeRight" not in beside
+
+
+def test_lane_that_turns_by_six_in_a_hundred_is_narrower_by_what_a_truck_cuts_beyond_a_tenth_of_a_metre(tmp_path: Path) -> None:
+    # 12 ft aside in 200 ft. The middle of 12 m is 0.06 x 6 / 2 = 0.18 m beside the chord of its ends where the lane turns.
+    lanes = lane_attributes(by_turns("signal"), tmp_path)
+    straight, turning = float(lanes["0"][0]["width"]), float(lanes["one-lane_two-way_taper"][0]["width"])
+    assert straight == pytest.approx(12 * 0.3048 - 0.2, abs=1e-3)
+    assert turning == pytest.approx(12 * 0.3048 - 0.2 - 2 * (0.18 - 0.1), abs=1e-3)
+
+
+def test_own_traffic_meets_the_signal_at_its_stop_line_and_the_opposing_traffic_at_the_other(tmp_path: Path) -> None:
+    layout = by_turns("signal")
+    write_network(layout, tmp_path)
+    nodes = ET.parse(tmp_path / "zone.nod.xml").getroot()  # noqa: S314 a file that we have just written
+    assert layout.taking_turns is not None
+    lights = [float(node.attrib["x"]) for node in nodes if node.attrib["type"] == "traffic_light"]
+    assert lights == pytest.approx([layout.taking_turns.start, layout.taking_turns.end], abs=1e-3)
+    links = ET.parse(tmp_path / "zone.con.xml").getroot()  # noqa: S314 a file that we have just written
+    controlled = [link.attrib["from"] for link in links if link.get("uncontrolled") is None]
+    own = next(edge.id for edge in edges_of(layout) if abs(edge.end - layout.taking_turns.start) < 1e-6)
+    assert controlled == [own, "opposing_0"]
+    program = ET.parse(tmp_path / "zone.tll.xml").getroot()  # noqa: S314 a file that we have just written
+    phases = [(phase.attrib["state"], float(phase.attrib["duration"])) for phase in program.iter("phase")]
+    # Red until a truck that starts at 1 m/s2 and drives 10 m/s has passed the shared length.
+    clear_s = round(10 + (layout.taking_turns.end - layout.taking_turns.start - 50) / 10, 1)
+    assert phases == [("Gr", 30), ("yr", 4), ("rr", clear_s), ("rG", 30), ("ry", 4), ("rr", clear_s)]
+
+
+def test_flaggers_hold_the_lane_open_for_10_to_60_s(tmp_path: Path) -> None:
+    write_network(by_turns("flaggers"), tmp_path)
+    program = ET.parse(tmp_path / "zone.tll.xml").getroot()  # noqa: S314 a file that we have just written
+    greens = [phase.attrib for phase in program.iter("phase") if "G" in phase.attrib["state"]]
+    assert [(green["minDur"], green["maxDur"]) for green in greens] == [("10", "60")] * 2
+    (logic,) = program.iter("tlLogic")
+    assert logic.attrib["type"] == "actuated"
