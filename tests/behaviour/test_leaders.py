@@ -129,6 +129,31 @@ def test_ego_at_the_end_of_its_path_follows_nobody() -> None:
     assert leader_ahead(replace(ego, station=1.0), one_vehicle(10.0, MIDDLE, speed=5.0), layout=LAYOUT) is None
 
 
+def test_ego_past_the_end_of_its_path_follows_nobody() -> None:
+    ego = outlook(y=MIDDLE, length_m=2)
+    assert leader_ahead(replace(ego, station=2.5), one_vehicle(10.0, MIDDLE, speed=5.0), layout=LAYOUT) is None
+
+
+def test_leader_is_found_on_the_last_three_poses_of_a_path() -> None:
+    leader = leader_ahead(outlook(y=MIDDLE, length_m=3), one_vehicle(5.0, MIDDLE, speed=5.0), layout=LAYOUT)
+    assert leader is not None
+    assert leader.gap_m == pytest.approx(5.0 - 4.72)
+
+
+def test_faster_vehicle_right_ahead_of_the_ego_is_followed() -> None:
+    assert follows(one_vehicle(5.2, MIDDLE, speed=14.0), speed=10.0)
+
+
+@pytest.mark.parametrize(("side_gap", "followed"), [(0.15, True), (0.25, False)])
+def test_vehicle_parallel_to_a_path_askew_on_the_road_takes_its_width_beside_it(side_gap: float, followed: bool) -> None:
+    turned = float(np.arctan(0.2))
+    along, beside = 20.0, 0.925 + 0.93 + side_gap
+    x = along * np.cos(turned) + beside * np.sin(turned) - 1.4
+    y = MIDDLE + along * np.sin(turned) - beside * np.cos(turned)
+    found = leader_ahead(outlook(MIDDLE, slope=0.2), one_vehicle(x, y, speed=5.0, heading=turned), layout=LAYOUT)
+    assert (found is not None) == followed
+
+
 def test_driver_who_drifts_away_from_the_path_in_a_lane_that_ends_is_not_followed() -> None:
     assert not follows(drifting(20.0, side_gap=0.5, towards=-0.5), speed=20.0)
 
