@@ -1,6 +1,7 @@
 import doctest
 import subprocess
 import sys
+from types import ModuleType
 
 import pandas as pd
 import pytest
@@ -11,7 +12,7 @@ from wzsumo.errors import InputError
 
 
 @pytest.mark.parametrize("module", [wzsumo, interface], ids=lambda module: module.__name__)
-def test_examples_in_docstrings_give_what_they_say(module) -> None:
+def test_examples_in_docstrings_give_what_they_say(module: ModuleType) -> None:
     result = doctest.testmod(module)
     assert result.attempted > 2
     assert result.failed == 0

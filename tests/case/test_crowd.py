@@ -58,10 +58,8 @@ def test_map_that_doubts_ground_which_the_crowd_drove_over_has_it_free(cells: Oc
 
 
 def test_minutes_to_collect_run_from_the_first_vehicle_to_the_last_of_those_that_are_used() -> None:
-    traces = pd.concat(
-        straight_traces([MIDDLE], length_m=1100.0).assign(vehicle_id=f"v{n}").assign(time_s=lambda t, n=n: t["time_s"] + 60 * n)
-        for n in range(5)
-    )
+    trace = straight_traces([MIDDLE], length_m=1100.0)
+    traces = pd.concat([trace.assign(vehicle_id=f"v{n}", time_s=trace["time_s"] + 60 * n) for n in range(5)])
     scenario = PAPER.model_copy(update={"crowd": PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 4})})
     assert collection_figures(traces, scenario) == {"n_equipped": 5, "minutes_to_collect": pytest.approx(3.0)}
     more = PAPER.model_copy(update={"crowd": PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 6})})

@@ -13,7 +13,7 @@ from wzsumo.work_zone import DeviceKind
 
 
 @pytest.mark.parametrize("kind", [DeviceKind.CONE_28_IN, DeviceKind.CONE_36_IN])
-def test_smrf_leaves_points_on_95_percent_of_the_devices_seen_within_60_m(kind) -> None:
+def test_smrf_leaves_points_on_95_percent_of_the_devices_seen_within_60_m(kind: DeviceKind) -> None:
     """Cross slope of 2 %, the paper's elevation threshold of 0.2 m, sixteen scans between two lines of devices."""
     road = RoadSpec(lane_count=3, left_shoulder_ft=12, right_shoulder_ft=10, length_ft=1500).build()
     height, radius = DEVICE_SIZE_M[kind]

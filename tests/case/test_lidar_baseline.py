@@ -1,5 +1,5 @@
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -22,7 +22,7 @@ from wzsumo.spec import parse_spec, read_toml
 PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 
 
-def short_scenario(**slam):
+def short_scenario(**slam: Any) -> Scenario:
     """A zone of 150 m at 25 mph that closes the left lane of three, and a coarse, slow LiDAR."""
     content = read_toml(PAPER)
     content["road"] |= {"length_ft": 1200}
@@ -34,7 +34,7 @@ def short_scenario(**slam):
     return parse_spec(Scenario, content, source="test")
 
 
-def fleet_of(*tracks, length_m=4.6, start_s=130.0):
+def fleet_of(*tracks: tuple[str, float, float], length_m: float = 4.6, start_s: float = 130.0) -> pd.DataFrame:
     """Trace table of cars along x at 15 m/s, one (id, y, seconds behind the first) each."""
     x = np.arange(0.0, 360.0, 1.5)
     cars = [

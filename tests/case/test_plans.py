@@ -1,4 +1,6 @@
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,20 +13,23 @@ from wzsumo.case.methods import METHODS
 from wzsumo.case.plans import bound_for, guides_for, nominal_guide
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
-from wzsumo.planning.plan import plan_path
+from wzsumo.crowd_mapping.mixture.selection import MixtureSweep
+from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.plan import Plan, plan_path
+from wzsumo.road import Road
 from wzsumo.scenario.scenario import load_scenario
-from wzsumo.scenario.site import prepare_site
+from wzsumo.scenario.site import Site, prepare_site
 
 RIGHT, MIDDLE = 1.83, 5.49  # m, centres of the two right lanes
 PAPER_ROAD = load_scenario("scenarios/paper.toml").layout().road
 
 
 @pytest.fixture(scope="module")
-def site():
+def site() -> Site:
     return prepare_site(load_scenario("scenarios/paper.toml"))  # its goal lies in the middle lane
 
 
-def crowd_of(traces, stretches, *, road=PAPER_ROAD):
+def crowd_of(traces: pd.DataFrame, stretches: Sequence[tuple[float, float, float]], *, road: Road = PAPER_ROAD) -> Crowd:
     """A crowd whose mixture has one component a stretch (from station, to station, offset)."""
     first, last, y = np.array(stretches).T
     variances = [np.diag([length**2 / 12, 0.01]) for length in last - first]
@@ -32,10 +37,17 @@ def crowd_of(traces, stretches, *, road=PAPER_ROAD):
         weights=np.full(len(y), 1 / len(y)), means=np.column_stack([(first + last) / 2, y]), covariances=np.array(variances),
         log_likelihood=0.0, n_points=100, converged=True,
     )  # fmt: skip
-    return Crowd(traces=traces, road=road, spec=MixtureSpec(), sweep=None, mixture=mixture, samples=np.empty((0, 2)))
+    return Crowd(
+        traces=traces,
+        road=road,
+        spec=MixtureSpec(),
+        sweep=MixtureSweep(mixtures=(mixture,)),
+        mixture=mixture,
+        samples=np.empty((0, 2)),
+    )
 
 
-def inner_lines(crowd, site):
+def inner_lines(crowd: Crowd, site: Site) -> list[tuple[float, float, float]]:
     """What the crowd adds to the nominal guide: x of both ends and y of each line."""
     found = guides_for(crowd, site=site)[0]
     nominal = len(nominal_guide(site))
@@ -47,33 +59,33 @@ def inner_lines(crowd, site):
 STRETCHES = [(460, 660, RIGHT), (660, 900, RIGHT), (460, 660, MIDDLE), (660, 900, MIDDLE)]
 
 
-def changing(x_change, *, start, end):
+def changing(x_change: float, *, start: float, end: float) -> pd.DataFrame:
     traces = straight_traces([start], length_m=1100.0)
     traces.loc[traces["x_m"] > x_change, "y_m"] = end
     return traces.assign(vehicle_id="changer")
 
 
-def test_lines_of_those_who_leave_the_zone_in_another_lane_are_no_guide(site) -> None:
+def test_lines_of_those_who_leave_the_zone_in_another_lane_are_no_guide(site: Site) -> None:
     crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
     assert inner_lines(crowd, site) == [(460, 660, MIDDLE), (660, 900, MIDDLE)]
 
 
-def test_guide_leads_over_with_who_changed_to_the_goals_lane(site) -> None:
+def test_guide_leads_over_with_who_changed_to_the_goals_lane(site: Site) -> None:
     traces = pd.concat([straight_traces([RIGHT], length_m=1100.0), changing(660, start=RIGHT, end=MIDDLE)])
     assert inner_lines(crowd_of(traces, STRETCHES), site) == [(460, 660, RIGHT), (660, 900, MIDDLE)]
 
 
-def test_all_lines_are_a_guide_where_nobody_went_to_the_goals_lane(site) -> None:
+def test_all_lines_are_a_guide_where_nobody_went_to_the_goals_lane(site: Site) -> None:
     crowd = crowd_of(straight_traces([RIGHT], length_m=1100.0), STRETCHES)
     assert len(inner_lines(crowd, site)) == len(STRETCHES)
 
 
-def test_lane_that_a_trace_ends_in_is_told_by_its_last_stretch_alone(site) -> None:
+def test_lane_that_a_trace_ends_in_is_told_by_its_last_stretch_alone(site: Site) -> None:
     traces = pd.concat([straight_traces([RIGHT, MIDDLE]), changing(60, start=MIDDLE, end=RIGHT)])
     assert set(bound_for((100.0, RIGHT), traces, road=site.layout.road)["vehicle_id"]) == {"v000", "changer"}
 
 
-def test_lines_of_all_come_second(site) -> None:
+def test_lines_of_all_come_second(site: Site) -> None:
     crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
     guides = guides_for(crowd, site=site)
     assert len(guides) == 2
@@ -93,10 +105,12 @@ def test_line_on_a_bend_follows_it() -> None:
     assert offsets == pytest.approx(MIDDLE, abs=0.03)
 
 
-def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
     found = []
 
-    def plan_without_the_first(grid, **given):
+    def plan_without_the_first(grid: OccupancyGrid, **given: Any) -> Plan:
         plan = plan_path(grid, **given)
         found.append(plan)
         return replace(plan, path=None) if len(found) == 1 else plan

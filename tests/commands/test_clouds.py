@@ -1,30 +1,32 @@
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from wzsumo.cli import main
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.rigid import inverse, moved, rigid, rotation_from_rpy
 
 
-def run(capsys: pytest.CaptureFixture[str], *words):
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
     """(exit code, stdout, stderr) of one command."""
     with pytest.raises(SystemExit) as stopped:
         main([str(word) for word in words])
     out = capsys.readouterr()
-    return stopped.value.code, out.out, out.err
+    return int(stopped.value.code or 0), out.out, out.err
 
 
-def house_on_a_slope(n=8000):
+def house_on_a_slope(n: int = 8000) -> tuple[FloatArray, BoolArray]:
     """Points of a slope of 5 % with a house of 10 x 10 m, 6 m high, and which are ground."""
     rng = np.random.default_rng(1)
     xy = rng.uniform(0, 60, (n, 2))
     house = (np.abs(xy - 30) < 5).all(axis=1)
-    return np.column_stack([xy, 0.05 * xy[:, 0] + 6.0 * house]), ~house
+    return np.column_stack([xy, 0.05 * xy[:, 0] + 6.0 * house]), np.asarray(~house)
 
 
-def courtyard(seed, n=6000):
+def courtyard(seed: int, n: int = 6000) -> FloatArray:
     """Points of a floor, two walls and three posts, no two clouds with the same points."""
     rng = np.random.default_rng(seed)
     floor = np.column_stack([rng.uniform(-15, 15, (n, 2)), np.zeros(n)])
@@ -75,7 +77,7 @@ def test_ground_command_passes_every_parameter_on(tmp_path: Path, capsys: pytest
     ],
 )
 def test_ground_command_refuses_a_bad_cloud_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], points, words, says: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], points: Any, words: tuple[object, ...], says: str
 ) -> None:
     np.save(tmp_path / "in.npy", points)
     code, out, err = run(capsys, "ground", tmp_path / "in.npy", "--out", tmp_path / "out.npy", *words)
@@ -136,7 +138,7 @@ def test_register_command_writes_the_transform_that_takes_source_to_target(
     ],
 )
 def test_register_command_writes_no_identity_where_clouds_tell_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], source, says: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], source: Any, says: str
 ) -> None:
     np.save(tmp_path / "source.npy", source)
     np.save(tmp_path / "target.npy", courtyard(1))

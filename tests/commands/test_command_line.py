@@ -16,15 +16,15 @@ from wzsumo.scenario.scenario import load_scenario
 PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 
 
-def run(capsys: pytest.CaptureFixture[str], *words):
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
     """(exit code, stdout, stderr) of one command."""
     with pytest.raises(SystemExit) as stopped:
         main([str(word) for word in words])
     out = capsys.readouterr()
-    return stopped.value.code, out.out, out.err
+    return int(stopped.value.code or 0), out.out, out.err
 
 
-def paper_with(tmp_path: Path, **changes):
+def paper_with(tmp_path: Path, **changes: str) -> Path:
     """The paper's scenario with some lines replaced, as a file."""
     text = PAPER.read_text()
     for key, line in changes.items():
@@ -36,7 +36,7 @@ def paper_with(tmp_path: Path, **changes):
     return path
 
 
-def straight_trace_file(path) -> None:
+def straight_trace_file(path: Path) -> None:
     s = np.arange(0, 200, 2.0)
     parts = [pd.DataFrame({"vehicle_id": f"v{n}", "time_s": s / 20, "x_m": s, "y_m": 0.3 * n}) for n in range(4)]
     pd.concat(parts).to_csv(path, index=False)
@@ -76,7 +76,7 @@ def straight_trace_file(path) -> None:
     ],
 )
 def test_scenario_that_cannot_be_is_refused_in_one_line_with_its_rule(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], changes, says
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, str], says: list[str]
 ) -> None:
     spec = paper_with(tmp_path, **changes)
     code, out, err = run(capsys, "layout", spec, "--out", tmp_path / "out")

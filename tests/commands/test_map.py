@@ -1,7 +1,9 @@
 """`wzsumo map` on files as they come: each fault is handled and named, or refused in one line."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,7 +12,7 @@ import pytest
 from wzsumo.cli import main
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
 from wzsumo.files.ros_map import read_map
-from wzsumo.grid import UNKNOWN, blank_grid
+from wzsumo.grid import UNKNOWN, OccupancyGrid, blank_grid
 from wzsumo.road import RoadSpec
 from wzsumo.scenario.road_before import with_road_outside
 from wzsumo.scenario.scenario import load_scenario
@@ -20,7 +22,16 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 LENGTH_M = 400.0
 
 
-def drive(vehicle_id, y_m, *, seed, interval_s=0.5, speed_mps=20.0, start_s=0.0, reverse=False):
+def drive(
+    vehicle_id: str,
+    y_m: float,
+    *,
+    seed: int,
+    interval_s: float = 0.5,
+    speed_mps: float = 20.0,
+    start_s: float = 0.0,
+    reverse: bool = False,
+) -> pd.DataFrame:
     """One vehicle along the x axis at an offset, with 5 cm of scatter."""
     time = np.arange(0, LENGTH_M / speed_mps, interval_s)
     x = speed_mps * time
@@ -29,13 +40,18 @@ def drive(vehicle_id, y_m, *, seed, interval_s=0.5, speed_mps=20.0, start_s=0.0,
     return pd.DataFrame({"vehicle_id": vehicle_id, "time_s": start_s + time} | places)
 
 
-def crowd(n=6, **how):
+def crowd(n: int = 6, **how: Any) -> pd.DataFrame:
     """Vehicles in one lane, one every 5 s."""
     return pd.concat([drive(f"v{i}", 0.1 * (i - n / 2), seed=i, start_s=5.0 * i, **how) for i in range(n)], ignore_index=True)
 
 
-def map_of(capsys: pytest.CaptureFixture[str], tmp_path: Path, table, *words):
-    """(exit code, figures, stderr, map) of `wzsumo map` on a table."""
+NO_MAP = blank_grid((0, 0, 1, 1), resolution=1.0, p_occupied=0.5)
+
+
+def map_of(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, table: pd.DataFrame, *words: str
+) -> tuple[int, Any, str, OccupancyGrid]:
+    """(exit code, figures, stderr, map) of `wzsumo map` on a table; a map without cells where there is none."""
     path = tmp_path / "traces.csv"
     table.to_csv(path, index=False)
     with pytest.raises(SystemExit) as stopped:
@@ -43,11 +59,11 @@ def map_of(capsys: pytest.CaptureFixture[str], tmp_path: Path, table, *words):
     out = capsys.readouterr()
     if stopped.value.code:
         assert not (tmp_path / "out").exists()
-        return stopped.value.code, None, out.err, None
+        return int(stopped.value.code), None, out.err, NO_MAP
     return 0, json.loads(out.out), out.err, read_map(tmp_path / "out" / "map.yaml")
 
 
-def assert_shows_the_lane(grid) -> None:
+def assert_shows_the_lane(grid: OccupancyGrid) -> None:
     """The lane along y = 0 is free, 6 m beside it nobody knows."""
     x = np.linspace(20, LENGTH_M - 40, 30)
     for y in (-1.0, 0.0, 1.0):
@@ -72,7 +88,7 @@ ODD = {
 
 @pytest.mark.parametrize("fault", ODD)
 def test_odd_trace_is_left_out_and_named_and_the_others_make_the_map(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], fault
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], fault: str
 ) -> None:
     odd, ids, reason = ODD[fault]
     code, figures, err, grid = map_of(capsys, tmp_path, pd.concat([crowd(), odd], ignore_index=True))
@@ -100,7 +116,7 @@ REORDERED = {
 
 
 @pytest.mark.parametrize("order", REORDERED)
-def test_rows_in_any_order_make_the_same_map(tmp_path: Path, capsys: pytest.CaptureFixture[str], order) -> None:
+def test_rows_in_any_order_make_the_same_map(tmp_path: Path, capsys: pytest.CaptureFixture[str], order: str) -> None:
     _, figures, _, grid = map_of(capsys, tmp_path, crowd())
     _, again, _, reordered = map_of(capsys, tmp_path, REORDERED[order](crowd()))
     assert again["n_traces"] == figures["n_traces"] == 6
@@ -155,7 +171,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("fault", REFUSED)
 def test_file_that_makes_no_map_is_refused_in_one_line_with_the_remedy(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], fault
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], fault: str
 ) -> None:
     table, says = REFUSED[fault]
     code, _, err, _ = map_of(capsys, tmp_path, table)
@@ -195,7 +211,15 @@ end_ft = {end}
 """
 
 
-def joined_map_of(capsys: pytest.CaptureFixture[str], tmp_path: Path, *, start=500, end=1000, table=None, words=()):
+def joined_map_of(
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    *,
+    start: int = 500,
+    end: int = 1000,
+    table: pd.DataFrame | None = None,
+    words: Sequence[str] = (),
+) -> tuple[int, Any, str, OccupancyGrid]:
     """The map of vehicles in the right of two lanes, joined to a road of stations -50 m .. 450 m on the x axis."""
     road = tmp_path / "road.toml"
     road.write_text(ROAD.format(start=start, end=end))
@@ -234,7 +258,9 @@ def test_scenario_stands_for_its_road(tmp_path: Path, capsys: pytest.CaptureFixt
         ({"words": ("--method", "swept")}, ["--road", "the method swept makes no use"]),
     ],
 )
-def test_road_that_does_not_fit_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], how, said) -> None:
+def test_road_that_does_not_fit_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], how: Any, said: list[str]
+) -> None:
     code, _, err, _ = joined_map_of(capsys, tmp_path, **how)
     assert code == 2
     assert all(words in err for words in said)

@@ -1,6 +1,7 @@
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sweep_trials import PAPER, AtOnce, a_study, evaluate_cases, simulate, sweep
@@ -19,23 +20,23 @@ def quick_tasks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def study_file(tmp_path: Path):
+def study_file(tmp_path: Path) -> Path:
     head = f'name = "trial"\nscenarios = ["{PAPER}"]\nmethods = ["swept", "lanes"]\n'
     path = tmp_path / "study.toml"
     path.write_text(head + "[grid]\nseed = [1, 2, 3]\ncrowd.used = [2, 5]\n")
     return path
 
 
-def run(capsys: pytest.CaptureFixture[str], *words):
+def run(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
     """(exit code, stdout, stderr) of one command."""
     with pytest.raises(SystemExit) as stopped:
         main([str(word) for word in words])
     out = capsys.readouterr()
-    return stopped.value.code, out.out, out.err
+    return int(stopped.value.code or 0), out.out, out.err
 
 
 def test_dry_run_counts_cases_and_simulations_and_writes_nothing(
-    study_file, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     code, text, _ = run(capsys, "sweep", study_file, "--out", out, "--dry-run", "--workers", 2, "--json")
@@ -48,8 +49,8 @@ def test_dry_run_counts_cases_and_simulations_and_writes_nothing(
     assert json.loads(text)["n_missing"] == 0
 
 
-def test_estimate_counts_a_simulation_once_and_a_map_once_for_all_penetration_rates():
-    def seconds(**grid):
+def test_estimate_counts_a_simulation_once_and_a_map_once_for_all_penetration_rates() -> None:
+    def seconds(**grid: Any) -> float:
         return estimate(a_study(**grid), finished=()).processor_s
 
     one = seconds(seed=[1])
@@ -59,7 +60,7 @@ def test_estimate_counts_a_simulation_once_and_a_map_once_for_all_penetration_ra
 
 
 def test_sweep_tells_how_far_it_is_in_plain_lines_where_there_is_no_terminal(
-    study_file, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code, text, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out", "--workers", 2, "--json")
     assert (code, json.loads(text)["n_done"]) == (0, 12)
@@ -68,9 +69,9 @@ def test_sweep_tells_how_far_it_is_in_plain_lines_where_there_is_no_terminal(
 
 
 def test_interrupted_sweep_ends_with_130_and_says_that_what_was_finished_is_kept(
-    study_file, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(_fleet, _cases) -> None:
+    def interrupted(_fleet: bytes, _cases: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(engine, "evaluate_cases", interrupted)
@@ -80,9 +81,9 @@ def test_interrupted_sweep_ends_with_130_and_says_that_what_was_finished_is_kept
 
 
 def test_reason_of_lost_cases_is_told_on_stderr(
-    study_file, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def lost(_scenario) -> None:
+    def lost(_scenario: object) -> None:
         raise RuntimeError("no netconvert")
 
     monkeypatch.setattr(engine, "simulate", lost)
@@ -99,7 +100,9 @@ def test_reason_of_lost_cases_is_told_on_stderr(
         (["--case", "a", "--seed", "3"], "leave --seed and --method out"),
     ],
 )
-def test_case_that_cannot_be_run_alone_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], words, says: str) -> None:
+def test_case_that_cannot_be_run_alone_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], says: str
+) -> None:
     sweep(a_study(), tmp_path / "study")
     code, _, err = run(capsys, "run", tmp_path / "study", *words, "--out", tmp_path / "out")
     assert code == 2

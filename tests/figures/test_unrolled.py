@@ -13,12 +13,13 @@ from wzsumo.files.layout import layout_geojson
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.grid import blank_grid, cells_inside
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.units import feet_from_metres
+from wzsumo.road import Road
+from wzsumo.work_zone import WorkZoneLayout
 
 ROAD = bent_road(-984)  # 300 m, to the right
 
 
-def zone_of(layout, folder):
+def zone_of(layout: WorkZoneLayout, folder: Path) -> ResultFolder:
     """The zone as a report reads it from its file."""
     return ResultFolder(folder=folder, result={}, layout=json.loads(json.dumps(layout_geojson(layout))))
 
@@ -43,7 +44,7 @@ def test_every_pixel_of_an_unrolled_map_is_the_cell_that_its_point_lies_in() -> 
     for row, col in np.random.default_rng(1).integers((60, 300), size=(200, 2)):
         x, y = ROAD.to_xy(stations[col], offsets[row])
         inside = grid.contains([[x, y]])[0]
-        assert image.mask[row, col] == (not inside)
+        assert np.ma.getmaskarray(image)[row, col] == (not inside)
         if inside:
             (cell_row,), (cell_col,) = grid.cell_of([[x, y]])
             assert image[row, col] == values[cell_row, cell_col]
@@ -59,12 +60,12 @@ def test_zone_read_from_its_file_has_the_road_devices_and_lanes_of_the_layout(tm
     assert len(signs) == 2
     assert unrolled_points(signs[["x_m", "y_m"]], zone.road) == pytest.approx(signs[["s_m", "d_m"]].to_numpy(dtype=float))
     activity = layout.area("activity area")
-    lanes_ft = feet_from_metres(np.array(zone.lanes_at((activity.start + activity.end) / 2)))
+    lanes_ft = np.array(zone.lanes_at((activity.start + activity.end) / 2)) / 0.3048
     assert lanes_ft == pytest.approx(np.array([[-10, 1], [1, 12]]), abs=1e-3)  # two 11 ft lanes, shifted by 12 ft
 
 
 @pytest.mark.parametrize(("road", "panels"), [(ROAD, 4), (bent_road(1_000_000), 3)])
-def test_drawing_of_a_zone_shows_the_road_as_it_lies_where_it_bends(tmp_path: Path, road, panels: int) -> None:
+def test_drawing_of_a_zone_shows_the_road_as_it_lies_where_it_bends(tmp_path: Path, road: Road, panels: int) -> None:
     figure = draw_zone(zone_of(lay_out(paper_work_zone(), road), tmp_path))
     assert len(figure.axes) == panels
     assert figure.axes[2].get_aspect() == 1.0

@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from builders import paper_layout
+from matplotlib.figure import Figure
 
 from wzsumo.figures.map_figures import draw_baseline_paths, draw_crowd_and_slam
 from wzsumo.files.layout import layout_geojson
@@ -15,7 +16,7 @@ from wzsumo.report.tables import goal_rows
 
 
 @pytest.fixture
-def run(tmp_path: Path):
+def run(tmp_path: Path) -> ResultFolder:
     """Two maps of the paper's zone, free everywhere, and a path on each to the own lane, on one to the open lane too."""
     (tmp_path / "maps").mkdir()
     (tmp_path / "paths").mkdir()
@@ -29,18 +30,18 @@ def run(tmp_path: Path):
     )
 
 
-def labels_of(figure):
+def labels_of(figure: Figure) -> set[str]:
     return {text.get_text() for text in figure.legends[0].get_texts()}
 
 
-def test_every_baseline_has_a_row_with_both_its_paths(run) -> None:
+def test_every_baseline_has_a_row_with_both_its_paths(run: ResultFolder) -> None:
     figure = draw_baseline_paths(run, ["slam_raw", "hd_map"])
     assert len(figure.axes) == 2
     assert [len(axes.lines) for axes in figure.axes] == [2, 0]
     assert {"path to the ego's own lane", "path to the open lane", "drivable area", "free"} <= labels_of(figure)
 
 
-def test_crowd_and_slam_stand_in_one_figure_with_the_truth(run) -> None:
+def test_crowd_and_slam_stand_in_one_figure_with_the_truth(run: ResultFolder) -> None:
     figure = draw_crowd_and_slam(run, "swept", "slam_raw")
     assert labels_of(figure) >= {"free by the crowd (swept)", "occupied by slam_raw", "drivable area (truth)", "path on swept"}
 

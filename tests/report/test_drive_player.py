@@ -15,7 +15,7 @@ CAR = VehicleGeometry()
 
 
 @pytest.fixture
-def run(tmp_path: Path):
+def run(tmp_path: Path) -> ResultFolder:
     """Two seconds at 10 m/s along +x at 20 commands a second, one vehicle passing at 20 m/s, another there for a second."""
     (tmp_path / "drives").mkdir()
     time = 100.05 + 0.05 * np.arange(41)
@@ -31,8 +31,8 @@ def run(tmp_path: Path):
     return ResultFolder(folder=tmp_path, result={"methods": {"swept": {}}}, layout={"areas": [], "features": features})
 
 
-def test_played_drive_has_a_frame_each_fifth_of_a_second_at_the_vehicle_centre(run) -> None:
-    data = json.loads(player_data(run, "swept"))
+def test_played_drive_has_a_frame_each_fifth_of_a_second_at_the_vehicle_centre(run: ResultFolder) -> None:
+    data = json.loads(player_data(run, "swept") or "")
     assert data["frame_s"] == 0.2
     # 100.2 .. 102.0 s
     assert [row[0] for row in data["ego"]] == pytest.approx(
@@ -41,20 +41,20 @@ def test_played_drive_has_a_frame_each_fifth_of_a_second_at_the_vehicle_centre(r
     assert {tuple(row[1:]) for row in data["ego"]} == {(5.0, 0.0, 10.0)}
 
 
-def test_played_drive_shows_each_other_vehicle_while_it_is_there_under_one_number(run) -> None:
-    others = json.loads(player_data(run, "swept"))["others"]
+def test_played_drive_shows_each_other_vehicle_while_it_is_there_under_one_number(run: ResultFolder) -> None:
+    others = json.loads(player_data(run, "swept") or "")["others"]
     assert len(others) == 10
     assert [len(frame) for frame in others] == [2] * 5 + [1] * 5
     (passing,) = {frame[0][3] for frame in others}
     assert [row[0] for frame in others for row in frame if row[3] == passing] == pytest.approx([4.0 * k for k in range(1, 11)])
 
 
-def test_played_drive_has_the_areas_as_rings_without_empty_ones(run) -> None:
-    areas = json.loads(player_data(run, "swept"))["areas"]
+def test_played_drive_has_the_areas_as_rings_without_empty_ones(run: ResultFolder) -> None:
+    areas = json.loads(player_data(run, "swept") or "")["areas"]
     assert areas["pavement"] == []
     assert shapely.Polygon(areas["closed_area"][0]).area == pytest.approx(300)
 
 
-def test_method_without_a_drive_is_not_played(run) -> None:
+def test_method_without_a_drive_is_not_played(run: ResultFolder) -> None:
     assert player_data(run, "lanes") is None
     assert player_data(run, None) is None

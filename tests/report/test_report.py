@@ -2,6 +2,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,6 +10,7 @@ import pytest
 import shapely
 from PIL import Image
 from shapely.geometry import mapping
+from shapely.geometry.base import BaseGeometry
 
 from wzsumo.errors import InputError
 from wzsumo.figures.zone_axes import new_figure, state_stretch
@@ -24,7 +26,7 @@ DRIVABLE, CLOSED = shapely.box(0, 0, 600, 7.2), shapely.box(100, 7.2, 500, 12)
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory):
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of two methods over a zone from x = 100 to 500 m; only "swept" found a path and drove it."""
     folder, random = tmp_path_factory.mktemp("run"), np.random.default_rng(1)
     for name in ("maps", "paths", "drives"):
@@ -91,49 +93,49 @@ def folder(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.fixture(scope="module")
-def page(folder):
+def page(folder: Path) -> str:
     return write_report(folder).read_text(encoding="utf-8")
 
 
-def _feature(geometry, **properties):
+def _feature(geometry: BaseGeometry, **properties: Any) -> dict[str, Any]:
     return {"type": "Feature", "geometry": mapping(geometry), "properties": properties}
 
 
-def _write_json(path, content) -> None:
+def _write_json(path: Path, content: Any) -> None:
     path.write_text(json.dumps(content), encoding="utf-8")
 
 
-def _cells(page):
+def _cells(page: str) -> list[list[str]]:
     return [re.findall(r"<td[^>]*>(.*?)</td>", row, flags=re.S) for row in re.findall(r"<tr[^>]*>(.*?)</tr>", page, flags=re.S)]
 
 
-def test_figures_of_a_run_are_written_once_for_each_method_that_has_them(folder, page) -> None:
+def test_figures_of_a_run_are_written_once_for_each_method_that_has_them(folder: Path, page: str) -> None:
     assert sorted(path.stem for path in (folder / "figures").iterdir()) == STEMS
     for stem in STEMS:
         with Image.open(folder / "figures" / f"{stem}.png") as image:
             assert image.width == 1575  # 10.5 in at 150 dpi
-            assert len(image.convert("RGB").getcolors(maxcolors=1 << 24)) > 20
+            assert len(image.convert("RGB").getcolors(maxcolors=1 << 24) or ()) > 20
 
 
-def test_page_has_no_address_outside_itself_and_every_figure_inlined(page) -> None:
+def test_page_has_no_address_outside_itself_and_every_figure_inlined(page: str) -> None:
     sources = re.findall(r"""<[a-z][^>]*?\s(?:src|href)\s*=\s*["']?([^"'\s>]{0,30})""", page)
     assert len(sources) == len(STEMS)
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert not re.search(r"https?://|url\(|@import|<script", page)
 
 
-def test_hostile_names_in_a_run_are_escaped(page) -> None:
+def test_hostile_names_in_a_run_are_escaped(page: str) -> None:
     assert HOSTILE not in page
     assert page.count("&lt;img src=x onerror=alert(1)&gt;") >= 3  # title, reason of the failure, reason of "not run"
 
 
-def test_answer_names_the_best_method_with_its_numbers(page) -> None:
-    answer = re.search(r'<p class="answer">(.*?)</p>', page, flags=re.S).group(1)
+def test_answer_names_the_best_method_with_its_numbers(page: str) -> None:
+    (answer,) = re.findall(r'<p class="answer">(.*?)</p>', page, flags=re.S)
     for text in ("<strong>Yes</strong>", "“swept”", "reached goal", "98.77 %", "75.43 %", "71.00 %", "1.297 m", "3.500 m"):
         assert text in answer
 
 
-def test_comparison_sets_the_numbers_of_the_paper_beside_those_of_the_run(page) -> None:
+def test_comparison_sets_the_numbers_of_the_paper_beside_those_of_the_run(page: str) -> None:
     cells = _cells(page)
     assert ["Precision of the map", "90.08 %", "98.77 %"] in cells
     assert ["Components K of the mixture", "15", "2"] in cells
@@ -141,7 +143,7 @@ def test_comparison_sets_the_numbers_of_the_paper_beside_those_of_the_run(page) 
     assert ["Share of the driven path in the closed area", "left out", "0.00 %"] in cells
 
 
-def test_method_without_path_shows_dashes_and_its_reason(page) -> None:
+def test_method_without_path_shows_dashes_and_its_reason(page: str) -> None:
     cells = _cells(page)
     at = next(at for at, row in enumerate(cells) if row and row[0] == "literal")
     row, reason = cells[at], cells[at + 1]
@@ -151,12 +153,12 @@ def test_method_without_path_shows_dashes_and_its_reason(page) -> None:
     assert row[4:] == ["-", "-", "90.00 %", *["-"] * 7]
 
 
-def test_methods_that_were_not_run_have_a_row_that_says_so(page) -> None:
+def test_methods_that_were_not_run_have_a_row_that_says_so(page: str) -> None:
     assert any(row[0] == "LiDAR SLAM baseline" and row[1].startswith("not run: no LiDAR") for row in _cells(page) if row)
 
 
 def test_best_method_prefers_one_that_arrived_over_a_better_map() -> None:
-    methods = {
+    methods: dict[str, dict[str, Any]] = {
         "a": {"outcome": "NO_PATH", "iou": 0.9},
         "b": {"outcome": "REACHED_GOAL", "iou": 0.5},
         "c": {"outcome": "NO_PATH"},
@@ -166,9 +168,11 @@ def test_best_method_prefers_one_that_arrived_over_a_better_map() -> None:
     assert best_method({}) is None
 
 
-def test_truth_on_a_map_counts_the_cells_of_the_drivable_area_within_the_zone(folder) -> None:
+def test_truth_on_a_map_counts_the_cells_of_the_drivable_area_within_the_zone(folder: Path) -> None:
     run = read_result_folder(folder)
-    zone, truth = run.truth_on(run.map_of("swept"))
+    grid = run.map_of("swept")
+    assert grid is not None
+    zone, truth = run.truth_on(grid)
     assert zone.sum() == 400 * 13 / 0.25**2
     assert truth.sum() == 400 / 0.25 * round(7.2 / 0.25)  # 29 rows have their centre below y = 7.2 m
     assert (zone | ~truth).all()
@@ -181,7 +185,7 @@ def test_stretch_of_an_axis_is_the_ratio_of_its_two_scales() -> None:
     assert axes.get_xlabel() == "station [m]  (the offset is stretched 10.0 : 1)"
 
 
-def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder, tmp_path: Path) -> None:
+def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder: Path, tmp_path: Path) -> None:
     run = read_result_folder(folder)
     assert run.vehicle.width_m == 1.86
     (tmp_path / "scenario.toml").write_text("[vehicle]\nwidth_m = 2.5\n")
@@ -193,7 +197,7 @@ def test_folder_without_a_run_is_refused_with_the_files_it_lacks(tmp_path: Path)
         write_report(tmp_path)
 
 
-def test_broken_result_file_is_refused_by_name(folder, tmp_path: Path) -> None:
+def test_broken_result_file_is_refused_by_name(folder: Path, tmp_path: Path) -> None:
     for path in folder.iterdir():
         if path.is_file():
             (tmp_path / path.name).write_bytes(path.read_bytes())

@@ -1,5 +1,7 @@
 import re
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -10,13 +12,14 @@ from wzsumo.errors import InputError
 from wzsumo.report.sweep_report import write_sweep_report
 from wzsumo.sweep import agenda as engine
 from wzsumo.sweep.results import read_results
+from wzsumo.sweep.study_case import StudyCase
 
 
-def evaluate_cases(fleet, cases):
+def evaluate_cases(fleet: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
     """Maps that grow better with traces and worse with the GNSS error; four traces are refused."""
     rows = []
     for case in cases:
-        used, error = case.scenario.crowd.used, case.scenario.gnss.error_m
+        used, error = case.scenario.crowd.used, case.scenario.gnss.error_m or 0.0
         row = {"case": case.id, "status": "DONE", "reason": "", "plan_status": "FOUND", "safe_plan": used >= 2 + error}
         row |= {"iou": min(used / 5 - 0.1 * error, 1) + 0.01 * case.scenario.seed, "precision": 0.9, "recall": 0.8}
         row |= {"planned_min_clearance_devices_m": 0.5, "minutes_to_collect": used / case.scenario.crowd.penetration / 25}
@@ -28,7 +31,7 @@ def evaluate_cases(fleet, cases):
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory):
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("study")
     study = a_study(
         methods=("swept", "lanes", "hd_map"),
@@ -49,19 +52,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.fixture(scope="module")
-def page(folder):
+def page(folder: Path) -> str:
     return (folder / "report.html").read_text()
 
 
-def test_page_says_how_many_traces_each_method_needs_at_each_error(page) -> None:
-    answer = re.search(r'<div class="answer">(.*?)</div>', page, flags=re.S).group(1)
+def test_page_says_how_many_traces_each_method_needs_at_each_error(page: str) -> None:
+    (answer,) = re.findall(r'<div class="answer">(.*?)</div>', page, flags=re.S)
     for text in ("swept at a GNSS error of 0 m: 2 trace(s)", "swept at a GNSS error of 1 m: 3 trace(s)"):
         assert text in answer, answer
     assert "hd_map: a safe plan in 33% of the cases, n = 2 seeds." in answer
     assert "hd_map at" not in answer
 
 
-def test_page_stands_alone_and_escapes_what_a_case_says(page) -> None:
+def test_page_stands_alone_and_escapes_what_a_case_says(page: str) -> None:
     sources = re.findall(r"""<[a-z][^>]*?\s(?:src|href)\s*=\s*["']?([^"'\s>]{0,30})""", page)
     assert len([source for source in sources if source.startswith("data:image/png;base64,")]) == 4
     assert all(source.startswith(("data:image/png;base64,", "cases/")) for source in sources)
@@ -70,21 +73,21 @@ def test_page_stands_alone_and_escapes_what_a_case_says(page) -> None:
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
 
 
-def test_page_lists_every_case_by_name_and_links_the_one_that_was_run_alone(folder, page) -> None:
+def test_page_lists_every_case_by_name_and_links_the_one_that_was_run_alone(folder: Path, page: str) -> None:
     first, *others = read_results(folder)["case"]
     assert len(others) == 95
     assert set(re.findall(r'class="case">(\w+)<', page)) == set(others)
     assert f'<a href="cases/{first}/report.html">{first}</a>' in page
 
 
-def test_figures_are_what_the_factors_allow(folder) -> None:
+def test_figures_are_what_the_factors_allow(folder: Path) -> None:
     assert sorted(path.stem for path in (folder / "figures").iterdir()) == ["methods", "minutes", "outcome", "quality"]
     for path in (folder / "figures").iterdir():
         with Image.open(path) as image:
             assert image.width == 1575  # 10.5 in at 150 dpi
 
 
-def test_summary_table_gives_the_means_of_the_cases(folder) -> None:
+def test_summary_table_gives_the_means_of_the_cases(folder: Path) -> None:
     summary = pd.read_csv(folder / "tables" / "summary.csv")
     cell = summary[(summary["measure"] == "iou") & (summary["method"] == "lanes") & (summary["crowd.used"] == 3)]
     expected = 3 / 5 - 0.1 * cell["gnss.error_m"] + 0.01 * 1.5  # seeds 1 and 2

@@ -1,5 +1,6 @@
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,13 +29,13 @@ def test_space_time_diagram_shows_every_cell_at_its_time_and_station(tmp_path: P
     figure = draw_space_time(ResultFolder(folder=tmp_path, result={}, layout=LAYOUT), cells)
     axes, scale = figure.axes
     (mesh,) = axes.collections
-    shown = mesh.get_array()
+    shown: np.ma.MaskedArray[Any, Any] = np.ma.asarray(mesh.get_array())
     assert shown.shape == (50, 6)  # stations up, times across
     np.testing.assert_array_equal(shown.filled(np.nan), speed.T)
     assert axes.get_xlim() == (0, 60)
     assert axes.get_ylim() == (0, 1000)
     assert scale.get_ylabel() == "speed [m/s]"
-    assert mesh.get_clim() == (0, pytest.approx(25))
+    assert mesh.get_clim() == pytest.approx((0.0, 25.0))
 
 
 def test_page_of_measures_names_every_figure_and_column_of_a_run() -> None:

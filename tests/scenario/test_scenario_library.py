@@ -1,9 +1,11 @@
 """Every scenario of the library is laid out and becomes a network; some are driven through."""
 
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import pandas as pd
 import pytest
 import shapely
 from builders import paper_road, vehicle_outlines
@@ -14,18 +16,22 @@ from wzsumo.simulation.drivers import DRIVER_PRESETS
 from wzsumo.simulation.edges import edges_of, opposing_edges_of
 from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
-from wzsumo.simulation.network import NOBODY, write_network
+from wzsumo.simulation.network import write_network
+from wzsumo.work_zone import WorkZoneLayout
 
 LIBRARY = sorted((Path(__file__).parents[2] / "scenarios").glob("*.toml"))
 DRIVEN = {"interior_lane": 150, "one_lane_signal": 240, "one_lane_flaggers": 240, "double_closure": 150, "paper_bend_300m": 120}
 
 
-def library(test):
+Driven = Callable[[str], tuple[WorkZoneLayout, pd.DataFrame]]
+
+
+def library(test: Callable[..., None]) -> Callable[..., None]:
     return pytest.mark.parametrize("path", LIBRARY, ids=lambda path: path.stem)(test)
 
 
 @library
-def test_scenario_is_named_after_its_file_and_says_what_it_is_for(path) -> None:
+def test_scenario_is_named_after_its_file_and_says_what_it_is_for(path: Path) -> None:
     assert load_scenario(path).name == path.stem
     first = path.read_text(encoding="utf-8").splitlines()[0]
     assert first.startswith("# ")
@@ -33,7 +39,7 @@ def test_scenario_is_named_after_its_file_and_says_what_it_is_for(path) -> None:
 
 
 @library
-def test_scenario_is_laid_out_with_its_devices_on_the_pavement_and_its_ego_on_the_road(path) -> None:
+def test_scenario_is_laid_out_with_its_devices_on_the_pavement_and_its_ego_on_the_road(path: Path) -> None:
     scenario = load_scenario(path)
     layout = scenario.layout()
     road = layout.road
@@ -46,7 +52,7 @@ def test_scenario_is_laid_out_with_its_devices_on_the_pavement_and_its_ego_on_th
 
 
 @library
-def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_path: Path) -> None:
+def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path: Path, tmp_path: Path) -> None:
     scenario = load_scenario(path)
     layout = scenario.layout()
     write_sumo_files(layout, tmp_path, spec=scenario.zone_simulation(), seed=scenario.seed)
@@ -55,18 +61,20 @@ def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path, tmp_p
     assert ids == {edge.id for edge in (*edges_of(layout), *opposing_edges_of(layout))}
     for edge in edges_of(layout):
         for lane in net.findall(f"edge[@id='{edge.id}']/lane"):
-            if lane.get("allow") == NOBODY:  # closed ground between two lanes
+            if lane.get("allow") == "custom1":  # closed ground between two lanes
                 continue
-            points = np.array([point.split(",")[:2] for point in lane.get("shape").split()], dtype=float)
-            strip = shapely.LineString(points).buffer(float(lane.get("width")) / 2, cap_style="flat")
+            points = np.array([list(map(float, point.split(",")[:2])) for point in lane.attrib["shape"].split()])
+            strip = shapely.LineString(points).buffer(float(lane.attrib["width"]) / 2, cap_style="flat")
             assert strip.intersection(layout.closed_area).area < 0.02 * strip.area, lane.get("id")
     drawn = ET.parse(tmp_path / "zone.add.xml").getroot()  # noqa: S314 our own file
     for name in ("drivable", "closed_area"):
-        shapes = [poly.get("shape").split() for poly in drawn.findall(f"poly[@type='{name}']")]
-        ground = shapely.union_all([shapely.Polygon([point.split(",") for point in shape]) for shape in shapes])
+        shapes = [poly.attrib["shape"].split() for poly in drawn.findall(f"poly[@type='{name}']")]
+        ground = shapely.union_all(
+            [shapely.Polygon([tuple(map(float, point.split(","))) for point in shape]) for shape in shapes]
+        )
         assert ground.symmetric_difference(getattr(layout, name)).area < 1e-3 * ground.area, name
     assert len(drawn.findall("poi")) == len(layout.signs)
-    assert sum(poly.get("id").startswith("device") for poly in drawn.findall("poly")) == len(layout.devices)
+    assert sum(poly.attrib["id"].startswith("device") for poly in drawn.findall("poly")) == len(layout.devices)
 
 
 FITTED = {
@@ -77,7 +85,7 @@ FITTED = {
 
 
 @pytest.mark.parametrize(("preset", "name"), [(preset, name) for preset, names in FITTED.items() for name in names])
-def test_scenario_of_a_fitted_class_drives_with_the_drivers_of_that_class_and_keeps_their_name(preset, name) -> None:
+def test_scenario_of_a_fitted_class_drives_with_the_drivers_of_that_class_and_keeps_their_name(preset: str, name: str) -> None:
     scenario = load_scenario(LIBRARY[0].parent / f"{name}.toml")
     drivers = scenario.zone_simulation().demand.drivers
     assert drivers == DRIVER_PRESETS[preset].model_copy(update={"name": "hcm"})
@@ -101,8 +109,8 @@ def test_zone_along_a_surveyed_line_covers_the_ground_of_the_straight_one_within
     for name in ("drivable", "closed_area", "pavement"):
         assert getattr(surveyed, name).area == pytest.approx(getattr(straight, name).area, rel=0.005), name
     assert surveyed.devices[["s_m", "d_m"]].to_numpy() == pytest.approx(straight.devices[["s_m", "d_m"]].to_numpy())
-    length = sum(float(lane.get("length")) for lane in ET.parse(write_network(surveyed, tmp_path)).iter("lane")  # noqa: S314 ours
-                 if lane.get("index") == "0" and not lane.get("id").startswith(":"))  # fmt: skip
+    length = sum(float(lane.attrib["length"]) for lane in ET.parse(write_network(surveyed, tmp_path)).iter("lane")  # noqa: S314 ours
+                 if lane.get("index") == "0" and not lane.attrib["id"].startswith(":"))  # fmt: skip
     assert length == pytest.approx(straight.road.length, rel=1e-3)
 
 
@@ -115,11 +123,11 @@ def test_zone_on_bends_left_and_right_covers_the_ground_of_the_straight_one_with
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory):
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Driven:
     """(layout, traces) of a scenario of the library by its name, driven for a short while, once."""
-    done = {}
+    done: dict[str, tuple[WorkZoneLayout, pd.DataFrame]] = {}
 
-    def drive(name):
+    def drive(name: str) -> tuple[WorkZoneLayout, pd.DataFrame]:
         if name not in done:
             scenario = load_scenario(next(path for path in LIBRARY if path.stem == name))
             simulation = scenario.zone_simulation()
@@ -133,7 +141,7 @@ def driven(tmp_path_factory: pytest.TempPathFactory):
 
 
 @pytest.mark.parametrize("name", DRIVEN)
-def test_no_vehicle_of_a_short_run_reaches_into_the_closed_area_or_off_the_pavement(name, driven) -> None:
+def test_no_vehicle_of_a_short_run_reaches_into_the_closed_area_or_off_the_pavement(name: str, driven: Driven) -> None:
     layout, traces = driven(name)
     outlines, road = vehicle_outlines(traces), layout.road
     station, _ = road.to_sd(traces[["x_m", "y_m"]])
@@ -145,10 +153,12 @@ def test_no_vehicle_of_a_short_run_reaches_into_the_closed_area_or_off_the_pavem
 
 
 @pytest.mark.parametrize("name", ["one_lane_signal", "one_lane_flaggers"])
-def test_directions_that_take_turns_never_meet_between_the_stop_lines(name: str, driven) -> None:
+def test_directions_that_take_turns_never_meet_between_the_stop_lines(name: str, driven: Driven) -> None:
     layout, traces = driven(name)
     station, _ = layout.road.to_sd(traces[["x_m", "y_m"]])
-    between = (station > layout.taking_turns.start + 5) & (station < layout.taking_turns.end - 5)
+    shared = layout.taking_turns
+    assert shared is not None
+    between = (station > shared.start + 5) & (station < shared.end - 5)
     along = np.cos(traces["heading_rad"] - layout.road.heading_at(station)) > 0
     times = [set(traces["time_s"][between & way].round(1)) for way in (along, ~along)]
     assert all(len(seen) > 100 for seen in times)  # both had their turn

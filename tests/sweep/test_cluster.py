@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,17 +19,17 @@ LIMIT_S = 60.0
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory):
+def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A Dask scheduler and two workers on this machine, as a user would start them."""
     folder = tmp_path_factory.mktemp("cluster")
     file = folder / "scheduler.json"
-    here = {"cwd": folder, "env": os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path[1:]])}}
+    paths = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path[1:]])}
     run = [sys.executable, "-m"]
     scheduler = [*run, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
     worker = [*run, "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", "--no-dashboard"]
     with (folder / "log").open("w") as log:
         commands = [[*command, "--scheduler-file", str(file)] for command in (scheduler, worker, worker)]
-        processes = [subprocess.Popen(command, stdout=log, stderr=log, **here) for command in commands]
+        processes = [subprocess.Popen(command, stdout=log, stderr=log, cwd=folder, env=paths) for command in commands]
         try:
             yield wait_for(file, workers=2)
         finally:
@@ -37,7 +38,7 @@ def address(tmp_path_factory: pytest.TempPathFactory):
                 process.wait()
 
 
-def wait_for(file, *, workers):
+def wait_for(file: Path, *, workers: int) -> str:
     from distributed import Client
 
     while not file.exists() or not file.read_text().endswith("}"):
@@ -48,7 +49,7 @@ def wait_for(file, *, workers):
     return address
 
 
-def test_table_of_a_cluster_is_that_of_this_machine(address, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_table_of_a_cluster_is_that_of_this_machine(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "simulate", simulate)
     monkeypatch.setattr(engine, "evaluate_cases", evaluate_cases)
     study = a_study(seed=[1, 2, 3], crowd__used=[1, 2])
@@ -61,16 +62,16 @@ def test_table_of_a_cluster_is_that_of_this_machine(address, tmp_path: Path, mon
     assert tables[0] == tables[1]
 
 
-def test_task_that_raises_or_takes_too_long_is_known_by_its_future(address) -> None:
+def test_task_that_raises_or_takes_too_long_is_known_by_its_future(address: str) -> None:
     with ClusterWorkers(address, version=code_version) as workers:
         assert workers.start(operator.mul, 6, 7, limit_s=LIMIT_S).result() == 42
         assert isinstance(workers.start(operator.truediv, 1, 0, limit_s=LIMIT_S).exception(), ZeroDivisionError)
         assert "took longer than 1 s" in str(workers.start(time.sleep, 3, limit_s=1.0).exception())
 
 
-def test_worker_with_another_version_of_the_code_is_refused_by_name(address) -> None:
+def test_worker_with_another_version_of_the_code_is_refused_by_name(address: str) -> None:
     with pytest.raises(InputError, match=r"worker tcp://.* has wzsumo .*, this is .*; install the same everywhere"):
-        ClusterWorkers(address, version=os.getpid)
+        ClusterWorkers(address, version=lambda: str(os.getpid()))
 
 
 @pytest.mark.parametrize("address", ["nowhere", "tcp://127.0.0.1", "127.0.0.1:port"])

@@ -8,7 +8,7 @@ from wzsumo.errors import SpecError
 from wzsumo.sweep.study_file import load_study
 
 
-def refused(tmp_path: Path, text):
+def refused(tmp_path: Path, text: str) -> str:
     """The message with which a study file is refused; the paper's scenario lies beside it."""
     (tmp_path / "paper.toml").write_text(PAPER.read_text())
     path = tmp_path / "study.toml"
@@ -70,7 +70,8 @@ def test_factor_in_a_section_that_the_scenario_leaves_out_makes_that_section(tmp
     path.write_text(
         'name="s"\nscenarios=["paper.toml"]\nmethods=["slam_raw"]\n[grid]\nslam.scene.faults.missing_share=[0.1, 0.2]\n'
     )
-    assert [case.scenario.slam.scene.faults.missing_share for case in load_study(path).cases] == [0.1, 0.2]
+    specs = [case.scenario.slam for case in load_study(path).cases]
+    assert [slam.scene.faults.missing_share for slam in specs if slam] == [0.1, 0.2]
 
 
 def test_ids_of_cases_differ_and_do_not_depend_on_the_rest_of_the_study() -> None:

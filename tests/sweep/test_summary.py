@@ -1,3 +1,4 @@
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,13 @@ from wzsumo.errors import InputError
 from wzsumo.sweep.summary import compare, latex, markdown, summarise, traces_needed, write_table
 
 
-def results(*, seeds=8, methods=("swept",), used=(1,), value=lambda *_: 0.5):
+def results(
+    *,
+    seeds: int = 8,
+    methods: Sequence[str] = ("swept",),
+    used: Sequence[int] = (1,),
+    value: Callable[..., float] = lambda *_: 0.5,
+) -> pd.DataFrame:
     """A table of finished cases whose IoU is `value`, a row a seed, method and number of traces."""
     rows = [
         (seed, method, n, value(seed, method, n)) for seed in range(seeds) for method in methods for n in used
@@ -85,7 +92,7 @@ def test_traces_needed_are_those_from_which_on_all_larger_numbers_suffice() -> N
 
 
 @pytest.mark.parametrize(("measure", "by"), [("iuo", ["method"]), ("iou", ["speed"])])
-def test_column_that_is_not_there_is_refused_with_those_that_are(measure: str, by) -> None:
+def test_column_that_is_not_there_is_refused_with_those_that_are(measure: str, by: Sequence[str]) -> None:
     with pytest.raises(InputError, match=r"not in the table; it has .*iou"):
         summarise(results(), measure, by=by)
 

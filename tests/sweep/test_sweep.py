@@ -1,15 +1,20 @@
 import resource
 from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sweep_trials import FLEET, AtOnce, a_study, evaluate_cases, simulate, sweep
 
 from wzsumo.errors import InputError, OutputError
+from wzsumo.scenario.scenario import Scenario
 from wzsumo.sweep import agenda as engine
 from wzsumo.sweep.agenda import BATCH, SMALLEST_BATCH
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study
+from wzsumo.sweep.study_case import StudyCase
 
 
 @pytest.fixture(autouse=True)
@@ -70,8 +75,10 @@ def test_second_sweep_does_nothing_and_a_wider_one_only_what_is_missing(tmp_path
     assert read_results(tmp_path)["seed"].tolist() == [1, 2, 3]
 
 
-def test_case_that_fails_whenever_it_runs_is_lost_alone_with_its_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    def fails_at_4(fleet, cases):
+def test_case_that_fails_whenever_it_runs_is_lost_alone_with_its_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails_at_4(fleet: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
         if any(case.scenario.crowd.used == 4 for case in cases):
             raise RuntimeError("four is too much")
         return evaluate_cases(fleet, cases)
@@ -87,10 +94,10 @@ def test_case_that_fails_whenever_it_runs_is_lost_alone_with_its_reason(tmp_path
     assert (again.n_found, again.n_done, again.n_failed) == (7, 8, 0)
 
 
-def test_simulation_that_fails_once_is_tried_again_and_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_simulation_that_fails_once_is_tried_again_and_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tries = []
 
-    def fails_first(scenario):
+    def fails_first(scenario: Scenario) -> bytes:
         tries.append(scenario.seed)
         if tries.count(1) == 1 and scenario.seed == 1:
             raise RuntimeError("lost")
@@ -101,8 +108,8 @@ def test_simulation_that_fails_once_is_tried_again_and_costs_nothing(tmp_path: P
     assert (summary.n_done, summary.n_failed, sorted(tries)) == (2, 0, [1, 1, 2])
 
 
-def test_simulation_that_fails_twice_costs_its_cases_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    def fails_for_1(scenario):
+def test_simulation_that_fails_twice_costs_its_cases_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails_for_1(scenario: Scenario) -> bytes:
         if scenario.seed == 1:
             raise RuntimeError("no road")
         return FLEET
@@ -118,7 +125,7 @@ def test_simulation_that_fails_twice_costs_its_cases_and_no_other(tmp_path: Path
 @pytest.mark.parametrize(
     "damage", [lambda data: data[: len(data) // 2], lambda data: data[:100] + b"\xff" + data[101:], lambda _data: b""]
 )
-def test_damaged_batch_is_named_put_aside_and_done_again(tmp_path: Path, damage) -> None:
+def test_damaged_batch_is_named_put_aside_and_done_again(tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
     study = a_study(seed=[1, 2])
     sweep(study, tmp_path)
     whole = (tmp_path / "results.parquet").read_bytes()
@@ -154,10 +161,10 @@ def test_files_that_a_kill_left_half_written_are_cleared_away(tmp_path: Path) ->
     assert not list(tmp_path.rglob(".unfinished-*"))
 
 
-def test_interrupt_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    finished = []
+def test_interrupt_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    finished: list[list[str]] = []
 
-    def interrupted_at_third(fleet, cases):
+    def interrupted_at_third(fleet: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
         if len(finished) == 2:  # both are settled before a third begins where two go at a time
             raise KeyboardInterrupt
         finished.append([case.id for case in cases])
@@ -201,9 +208,9 @@ def test_results_of_an_older_method_are_not_taken_for_new_ones(tmp_path: Path, m
     assert len(read_results(tmp_path)) == 1
 
 
-def test_folder_in_use_is_refused(tmp_path: Path):
+def test_folder_in_use_is_refused(tmp_path: Path) -> None:
     class Nested(AtOnce):
-        def start(self, function, *args, limit_s):
+        def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
             with pytest.raises(OutputError, match="another sweep is writing there"):
                 sweep(a_study(), tmp_path)
             return super().start(function, *args, limit_s=limit_s)

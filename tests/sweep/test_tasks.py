@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -23,15 +24,15 @@ SMALL_LIDAR = {
 
 
 @pytest.fixture(scope="module")
-def simulated():
+def simulated() -> bytes:
     return simulate(a_study(fixed=SHORT, seed=[21]).cases[0].scenario)
 
 
-def rows_of(simulated, **study):
+def rows_of(simulated: bytes, **study: Any) -> list[dict[str, Any]]:
     return [measured(row) for row in evaluate_cases(simulated, a_study(fixed=SHORT, **study).cases)]
 
 
-def measured(row):
+def measured(row: dict[str, Any]) -> dict[str, Any]:
     """What the table keeps of a row: all but how long it took."""
     return {name: row[name] for name in ("case", *MEASURED_COLUMNS) if name in row}
 
@@ -55,16 +56,16 @@ def test_row_of_a_case_has_every_figure_of_the_same_case_run_alone(simulated: by
         assert row[f"fleet_{name}"] == fleet[name]
 
 
-def test_cases_evaluated_together_and_alone_give_the_same_rows(simulated) -> None:
-    factors = {"seed": [21], "crowd.used": [3], "crowd.penetration": [0.3, 0.6], "gnss.error_m": [0.0, 1.0]}
+def test_cases_evaluated_together_and_alone_give_the_same_rows(simulated: bytes) -> None:
+    factors: dict[str, Any] = {"seed": [21], "crowd.used": [3], "crowd.penetration": [0.3, 0.6], "gnss.error_m": [0.0, 1.0]}
     study = a_study(fixed=SHORT, methods=("swept", "paper"), **factors)
     together = evaluate_cases(simulated, study.cases)
     alone = [row for case in study.cases for row in evaluate_cases(simulated, [case])]
     pd.testing.assert_frame_equal(pd.DataFrame(map(measured, together)), pd.DataFrame(map(measured, alone)))
 
 
-def test_cases_that_share_a_map_give_the_same_rows_as_alone(simulated) -> None:
-    factors = {"seed": [21], "planner.planned_speed_mps": [10.0, 25.0], "map.resolution_m": [0.25, 0.5]}
+def test_cases_that_share_a_map_give_the_same_rows_as_alone(simulated: bytes) -> None:
+    factors: dict[str, Any] = {"seed": [21], "planner.planned_speed_mps": [10.0, 25.0], "map.resolution_m": [0.25, 0.5]}
     study = a_study(fixed={name: SHORT[name] for name in SHORT if name != "map.resolution_m"}, methods=("swept",), **factors)
     together = evaluate_cases(simulated, study.cases)
     alone = [row for case in study.cases for row in evaluate_cases(simulated, [case])]
@@ -73,13 +74,13 @@ def test_cases_that_share_a_map_give_the_same_rows_as_alone(simulated) -> None:
     assert len({row["plan_speed_mps"] for row in together}) == 2
 
 
-def test_more_traces_than_the_fleet_gives_are_a_refused_case_and_not_a_failure(simulated) -> None:
+def test_more_traces_than_the_fleet_gives_are_a_refused_case_and_not_a_failure(simulated: bytes) -> None:
     done, refused = rows_of(simulated, seed=[21], crowd__used=[1, 500])
     assert (done["status"], refused["status"]) == ("DONE", "REFUSED")
     assert "crowd.used=500 asks for more traces than the fleet gives" in refused["reason"]
 
 
-def test_minutes_to_collect_count_from_the_first_vehicle_to_the_last_equipped_one_that_is_needed(simulated) -> None:
+def test_minutes_to_collect_count_from_the_first_vehicle_to_the_last_equipped_one_that_is_needed(simulated: bytes) -> None:
     left_at_s = read_simulated(simulated)[0].groupby("vehicle_id")["time_s"].max().sort_values()
     (row,) = rows_of(simulated, seed=[21], crowd__used=[4], crowd__penetration=[1.0])  # everybody is equipped
     assert row["minutes_to_collect"] == pytest.approx((left_at_s.iloc[3] - left_at_s.iloc[0]) / 60)
@@ -100,8 +101,8 @@ def test_lidar_maps_of_one_drive_have_the_figures_of_the_same_case_run_alone(tmp
         assert rows[0][f"slam_{name}"] == rows[1][f"slam_{name}"] == pytest.approx(alone["slam"][name])
 
 
-def test_map_of_before_is_evaluated_once_whatever_the_crowd_and_the_lidar_see(simulated) -> None:
-    factors = {"seed": [21], "crowd__used": [1, 500], "slam__scene__faults__missing_share": [0.0, 0.4]}
+def test_map_of_before_is_evaluated_once_whatever_the_crowd_and_the_lidar_see(simulated: bytes) -> None:
+    factors: dict[str, Any] = {"seed": [21], "crowd__used": [1, 500], "slam__scene__faults__missing_share": [0.0, 0.4]}
     cases = a_study(fixed=SHORT, methods=("hd_map", "lanes"), **factors).cases
     before, crowd = ([case for case in cases if case.method == name] for name in ("hd_map", "lanes"))
     assert (len(before), len({case.evaluation for case in before}), len({case.evaluation for case in crowd})) == (4, 1, 2)

@@ -1,5 +1,6 @@
 import os
 import time
+from collections.abc import Iterator
 
 import pytest
 from worker_tasks import divide, kill_self
@@ -9,7 +10,7 @@ from wzsumo.sweep.workers import LocalWorkers, TaskLost
 LIMIT_S = 60.0
 
 
-def alive(pid):
+def alive(pid: int) -> bool:
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
@@ -18,28 +19,28 @@ def alive(pid):
 
 
 @pytest.fixture(scope="module")
-def workers():
+def workers() -> Iterator[LocalWorkers]:
     with LocalWorkers(1) as crew:
         yield crew
 
 
-def test_a_task_gives_its_result_and_its_process_is_used_again(workers) -> None:
+def test_a_task_gives_its_result_and_its_process_is_used_again(workers: LocalWorkers) -> None:
     pids = [workers.start(os.getpid, limit_s=LIMIT_S).result() for _ in range(2)]
     assert pids[0] == pids[1] != os.getpid()
 
 
-def test_a_task_whose_process_is_killed_is_lost_and_the_next_one_is_not(workers) -> None:
+def test_a_task_whose_process_is_killed_is_lost_and_the_next_one_is_not(workers: LocalWorkers) -> None:
     killed, after = workers.start(kill_self, limit_s=LIMIT_S), workers.start(divide, 6, 3, limit_s=LIMIT_S)
     assert isinstance(killed.exception(), TaskLost)
     assert "signal 9 (SIGKILL)" in str(killed.exception())
     assert after.result() == 2
 
 
-def test_a_task_that_raises_is_lost_with_what_it_raised(workers) -> None:
+def test_a_task_that_raises_is_lost_with_what_it_raised(workers: LocalWorkers) -> None:
     assert str(workers.start(divide, 1, 0, limit_s=LIMIT_S).exception()) == "ZeroDivisionError: division by zero"
 
 
-def test_a_task_that_hangs_is_stopped_at_its_limit(workers) -> None:
+def test_a_task_that_hangs_is_stopped_at_its_limit(workers: LocalWorkers) -> None:
     assert "took longer than 1 s" in str(workers.start(time.sleep, 600, limit_s=1.0).exception())
     assert workers.start(divide, 6, 3, limit_s=LIMIT_S).result() == 2
 
