@@ -166,3 +166,11 @@ def test_truck_that_drifts_in_is_passed_later_than_a_car() -> None:
     car = drifting(5.0 + 2.4 + 2.32, side_gap=0.95)
     assert follows(truck, speed=30.0)
     assert not follows(car, speed=30.0)
+
+
+def test_gap_counts_from_where_the_ego_is_on_its_path() -> None:
+    ego = outlook(y=MIDDLE)
+    ego = replace(ego, station=20.0, state=replace(ego.state, x=70.0))
+    leader = leader_ahead(ego, one_vehicle(50.0, MIDDLE, speed=5.0), layout=LAYOUT)
+    assert leader is not None
+    assert leader.gap_m == pytest.approx(30.0 - 4.72)
