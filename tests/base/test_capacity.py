@@ -71,7 +71,7 @@ def test_ten_percent_trucks_cost_an_eleventh_of_the_vehicles() -> None:
         (2, 1, {"free_flow_speed_mph": 80}, "free-flow speed of 80 mph"),
     ],
 )
-def test_zone_that_the_model_does_not_cover_is_refused(total: int, open_: int, changes: dict[str, object], says: str) -> None:
+def test_zone_that_the_model_does_not_cover_is_refused(total: int, open_: int, changes: dict[str, float], says: str) -> None:
     with pytest.raises(SpecError, match=says):
         capacity(total, open_, **changes)
 

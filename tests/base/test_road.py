@@ -13,7 +13,7 @@ BENT_ROADS = {radius_ft: bent_road(radius_ft, arc_ft=1500) for radius_ft in (400
 
 @given(radius_ft=st.sampled_from(sorted(BENT_ROADS)), share=st.floats(0.001, 0.999), across=st.floats(0, 1))
 def test_station_and_offset_on_the_pavement_of_a_bend_come_back_from_the_world_point(
-    radius_ft: float, share: float, across: float
+    radius_ft: int, share: float, across: float
 ) -> None:
     road = BENT_ROADS[radius_ft]
     s, d = share * road.length, -road.right_shoulder + across * (road.left_edge + road.right_shoulder)

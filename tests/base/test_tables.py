@@ -38,7 +38,7 @@ def test_missing_column_is_refused_by_name_with_those_given(column: str) -> None
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, "north"])
 @pytest.mark.parametrize("column", ["time_s", "x_m", "y_m", "speed_mps"])
-def test_value_that_is_no_finite_number_is_refused_with_row_and_column(column: str, value: object) -> None:
+def test_value_that_is_no_finite_number_is_refused_with_row_and_column(column: str, value: float | str) -> None:
     bad = TRACES.astype({column: object})
     bad.loc[4, column] = value
     message = refusal(bad)

@@ -99,7 +99,7 @@ def test_ego_yields_to_a_standing_vehicle_just_where_their_outlines_would_touch(
     along = np.hypot(1.0, slope)
     poses = np.column_stack([50 + driven / along, MIDDLE + side * slope * driven / along, np.full(21, side * np.arctan(slope))])
     body = shapely.box(*(other.poses[0, :2] - (2.4, 0.925)), *(other.poses[0, :2] + (2.4, 0.925)))
-    gap = shapely.distance(shapely.polygons(CAR.outline(poses)), body)
+    gap = np.atleast_1d(shapely.distance(shapely.polygons(CAR.outline(poses)), body))
     assume(gap[0] > 0.2)
     nearest_side = beside - 0.925 - 0.93 * np.cos(np.arctan(slope)) - 2.32 * np.sin(np.arctan(slope))
     assume(nearest_side - slope * CAR.axle_to_centre_m / along > 0.2)  # it is beside the ego's way at first

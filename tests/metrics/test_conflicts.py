@@ -102,7 +102,7 @@ def test_absent_vehicle_overlaps_none_and_is_on_no_collision_course() -> None:
     absent = (np.nan, np.nan, np.nan)
     assert not boxes_overlap(absent, CAR, (0, 0, 0), CAR)
     approach = box_approach(absent, CAR, (0, 0, 0), CAR, speed_a=np.nan, speed_b=1.0)
-    assert (approach.ttc, approach.drac) == (np.inf, 0.0)
+    assert (approach.ttc.item(), approach.drac.item()) == (np.inf, 0.0)
 
 
 @given(gap=st.floats(0.1, 200), rear=st.floats(0, 40), front=st.floats(0, 40), heading=st.floats(-3.1, 3.1))
@@ -116,7 +116,7 @@ def test_approach_of_boxes_in_one_lane_is_ttc_and_drac_of_the_bumper_gap(
         np.testing.assert_allclose(approach.ttc, gap / (rear - front), rtol=1e-6)
         np.testing.assert_allclose(approach.drac, (rear - front) ** 2 / (2 * gap), rtol=1e-6)
     elif front - rear > 1e-3:
-        assert (approach.ttc, approach.drac) == (np.inf, 0)
+        assert (approach.ttc.item(), approach.drac.item()) == (np.inf, 0.0)
 
 
 def test_approach_at_a_right_angle_is_the_time_at_which_the_front_reaches_the_others_side() -> None:
@@ -128,7 +128,7 @@ def test_approach_at_a_right_angle_is_the_time_at_which_the_front_reaches_the_ot
 
 def test_approach_side_by_side_in_parallel_lanes_never_meets() -> None:
     beside = box_approach((0, 0, 0), CAR, (10.0, 3.6, 0), CAR, speed_a=30.0, speed_b=10.0)
-    assert (beside.ttc, beside.drac) == (np.inf, 0.0)
+    assert (beside.ttc.item(), beside.drac.item()) == (np.inf, 0.0)
 
 
 @given(

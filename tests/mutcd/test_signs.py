@@ -3,7 +3,6 @@ import pytest
 from builders import paper_layout, paper_road, paper_work_zone, two_lane_road
 
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.units import feet_from_metres
 from wzsumo.work_zone import SIGN_COLUMNS
 
 # MUTCD, advance warning sign spacing: A, B, C in feet.
@@ -24,7 +23,7 @@ BY_TURNS = {
 def test_signs_stand_at_the_printed_distances_ahead_of_the_first_device(road_type: str) -> None:
     layout = paper_layout(road_type=road_type)
     ahead = layout.signs[layout.signs["s_m"] < layout.start]["s_m"].drop_duplicates().to_numpy()
-    distances_ft = np.diff(feet_from_metres(np.concatenate([ahead, [layout.start]])))
+    distances_ft = np.diff(np.concatenate([ahead, [layout.start]]) / 0.3048)
     assert distances_ft[::-1] == pytest.approx(PRINTED_SPACING_FT[road_type])
 
 
@@ -33,7 +32,7 @@ def test_signs_on_a_freeway_stand_on_both_sides_clear_of_the_pavement() -> None:
     assert tuple(layout.signs.columns) == SIGN_COLUMNS
     assert len(layout.signs) == 8
     d = layout.signs["d_m"].to_numpy()
-    assert set(np.round(feet_from_metres(d))) == {-16, 54}  # 6 ft beyond 10 ft of right shoulder, and beyond 48 ft
+    assert set(np.round(d / 0.3048)) == {-16, 54}  # 6 ft beyond 10 ft of right shoulder, and beyond 48 ft
     assert layout.road.to_xy(layout.signs["s_m"], d) == pytest.approx(layout.signs[["x_m", "y_m"]].to_numpy())
 
 
@@ -91,7 +90,7 @@ def test_road_work_ends_500_ft_behind_the_zone() -> None:
     layout = paper_layout()
     behind = layout.signs[layout.signs["s_m"] > layout.end]
     assert behind["code"].tolist() == ["G20-2", "G20-2"]  # on both sides of a freeway
-    assert feet_from_metres(behind["s_m"].to_numpy() - layout.end) == pytest.approx(500)
+    assert (behind["s_m"].to_numpy() - layout.end) / 0.3048 == pytest.approx(500)
 
 
 def test_signs_of_both_directions_count_from_the_stop_lines_and_stand_6_ft_beyond_their_pavement() -> None:
@@ -99,12 +98,12 @@ def test_signs_of_both_directions_count_from_the_stop_lines_and_stand_6_ft_beyon
     first = layout.start + (90 - 100) * 0.3048  # shoulder taper 90 ft, then the taper, whose stop line is 100 ft ahead of it
     last = layout.end + 100 * 0.3048
     own, other = layout.signs.iloc[:4], layout.signs.iloc[4:]
-    assert feet_from_metres(own["s_m"].to_numpy() - first)[:3] == pytest.approx([-1500, -1000, -500])
-    assert feet_from_metres(own["s_m"].to_numpy() - last)[3] == pytest.approx(500)
-    assert feet_from_metres(other["s_m"].to_numpy() - last)[:3] == pytest.approx([1500, 1000, 500])
-    assert feet_from_metres(other["s_m"].to_numpy() - first)[3] == pytest.approx(-500)
-    assert feet_from_metres(own["d_m"].to_numpy()) == pytest.approx(-12)  # a shoulder of 6 ft
-    assert feet_from_metres(other["d_m"].to_numpy()) == pytest.approx(36)  # two lanes and a shoulder of 6 ft
+    assert (own["s_m"].to_numpy() - first)[:3] / 0.3048 == pytest.approx([-1500, -1000, -500])
+    assert (own["s_m"].to_numpy() - last)[3] / 0.3048 == pytest.approx(500)
+    assert (other["s_m"].to_numpy() - last)[:3] / 0.3048 == pytest.approx([1500, 1000, 500])
+    assert (other["s_m"].to_numpy() - first)[3] / 0.3048 == pytest.approx(-500)
+    assert own["d_m"].to_numpy() / 0.3048 == pytest.approx(-12)  # a shoulder of 6 ft
+    assert other["d_m"].to_numpy() / 0.3048 == pytest.approx(36)  # two lanes and a shoulder of 6 ft
     assert own["heading_rad"].to_numpy() == pytest.approx(0)
 
 

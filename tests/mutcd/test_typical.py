@@ -1,5 +1,7 @@
 """Each typical application of the manual with a zone that is one, and zones that differ from it in one point."""
 
+from typing import Any
+
 import pytest
 from builders import paper_road, paper_work_zone
 
@@ -7,20 +9,20 @@ from wzsumo.errors import SpecError
 from wzsumo.mutcd.closure import closure_of
 from wzsumo.mutcd.typical import refuse_mismatch, refuse_too_narrow
 
-UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
-SHOULDER = {"closed_lanes": (), **UNSHIFTED}
-LEFT_LANE = {"closed_lanes": (2,), **UNSHIFTED}
-RIGHT_LANE = {"closed_lanes": (0,), "closed_shoulder": "right", **UNSHIFTED}
-MIDDLE_LANE = {"closed_lanes": (1,), **UNSHIFTED}
-TWO_LANES = {"closed_lanes": (1, 2), **UNSHIFTED}
-SHIFT = {"closed_lanes": (), "shift_ft": 0.5, "shifted_lane_width_ft": None}
-SIGNAL = {"posted_speed_mph": 45, **RIGHT_LANE, "one_lane_two_way": "signal"}
-FLAGGERS = SIGNAL | {"one_lane_two_way": "flaggers"}
-SLOW_LEFT_LANE = {"posted_speed_mph": 40, **LEFT_LANE}
-BARRIER = {"work_space_device": "barrier"}
+UNSHIFTED: dict[str, Any] = {"shift_ft": 0, "shifted_lane_width_ft": None}
+SHOULDER: dict[str, Any] = {"closed_lanes": (), **UNSHIFTED}
+LEFT_LANE: dict[str, Any] = {"closed_lanes": (2,), **UNSHIFTED}
+RIGHT_LANE: dict[str, Any] = {"closed_lanes": (0,), "closed_shoulder": "right", **UNSHIFTED}
+MIDDLE_LANE: dict[str, Any] = {"closed_lanes": (1,), **UNSHIFTED}
+TWO_LANES: dict[str, Any] = {"closed_lanes": (1, 2), **UNSHIFTED}
+SHIFT: dict[str, Any] = {"closed_lanes": (), "shift_ft": 0.5, "shifted_lane_width_ft": None}
+SIGNAL: dict[str, Any] = {"posted_speed_mph": 45, **RIGHT_LANE, "one_lane_two_way": "signal"}
+FLAGGERS: dict[str, Any] = SIGNAL | {"one_lane_two_way": "flaggers"}
+SLOW_LEFT_LANE: dict[str, Any] = {"posted_speed_mph": 40, **LEFT_LANE}
+BARRIER: dict[str, Any] = {"work_space_device": "barrier"}
 
 
-def check(name: str, zone: dict[str, object], *, lane_count: int) -> None:
+def check(name: str, zone: dict[str, Any], *, lane_count: int) -> None:
     by_turns = "one_lane_two_way" in zone
     road = paper_road(lane_count=lane_count, opposing_lane_count=1 if by_turns else 0)
     spec = paper_work_zone(typical_application=name, **zone)
@@ -28,12 +30,12 @@ def check(name: str, zone: dict[str, object], *, lane_count: int) -> None:
     refuse_mismatch(spec, closure_of(spec, road))
 
 
-ACCEPTED: list[tuple[str, dict[str, object], int]] = [
+ACCEPTED: list[tuple[str, dict[str, Any], int]] = [
     ("TA-3", SHOULDER, 3), ("TA-3", SHOULDER, 1), ("TA-5", SHOULDER, 3), ("TA-10", FLAGGERS, 1), ("TA-12", SIGNAL, 1),
     ("TA-30", SLOW_LEFT_LANE, 3), ("TA-33", LEFT_LANE, 3), ("TA-33", RIGHT_LANE, 3), ("TA-33", RIGHT_LANE, 2),
     ("TA-34", LEFT_LANE | BARRIER, 3), ("TA-36", SHIFT, 3), ("TA-37", TWO_LANES, 3), ("TA-38", MIDDLE_LANE, 3),
 ]  # fmt: skip
-REFUSED: list[tuple[str, dict[str, object], int, str]] = [
+REFUSED: list[tuple[str, dict[str, Any], int, str]] = [
     ("TA-3", LEFT_LANE, 3, "closed_shoulder, no closed_lanes, no shift"),
     ("TA-3", SHIFT, 3, "closed_shoulder, no closed_lanes, no shift"),
     ("TA-5", RIGHT_LANE, 3, "closed_shoulder, no closed_lanes, no shift"),
@@ -60,13 +62,13 @@ REFUSED: list[tuple[str, dict[str, object], int, str]] = [
 
 
 @pytest.mark.parametrize(("name", "zone", "lane_count"), ACCEPTED)
-def test_zone_that_the_manual_draws_under_the_name_is_accepted(name: str, zone: dict[str, object], lane_count: int) -> None:
+def test_zone_that_the_manual_draws_under_the_name_is_accepted(name: str, zone: dict[str, Any], lane_count: int) -> None:
     check(name, zone, lane_count=lane_count)
 
 
 @pytest.mark.parametrize(("name", "zone", "lane_count", "rule"), REFUSED)
 def test_zone_unlike_the_typical_application_is_refused_with_its_rule(
-    name: str, zone: dict[str, object], lane_count: int, rule: str
+    name: str, zone: dict[str, Any], lane_count: int, rule: str
 ) -> None:
     with pytest.raises(SpecError, match=rf'typical_application="{name}".*{rule}'):
         check(name, zone, lane_count=lane_count)

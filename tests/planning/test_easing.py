@@ -82,7 +82,7 @@ def test_eased_line_is_the_bounded_least_squares_problems() -> None:
     third = third[:, 2:-2]
     weighted = np.vstack([np.eye(n - 2), np.sqrt(stiffness_of(wavelength_m, step)) * third])
     target = np.concatenate([poses[1:-1, 1], np.zeros(n - 1)])
-    expected = lsq_linear(weighted, target, bounds=(poses[1:-1, 1, None] + room[1:-1]).T, tol=1e-12)
+    expected = lsq_linear(weighted, target, bounds=tuple((poses[1:-1, 1, None] + room[1:-1]).T), tol=1e-12)
     np.testing.assert_allclose(found[1:-1, 1], expected.x, atol=1e-3)
     np.testing.assert_allclose(found[:, 0], poses[:, 0], atol=1e-3)
     assert expected.active_mask.any()

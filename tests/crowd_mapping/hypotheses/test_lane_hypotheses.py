@@ -145,4 +145,4 @@ def test_drivers_who_leave_a_lane_beside_the_work_do_not_move_a_closure_that_is_
     announced = AnnouncedZone(first_device=200.0, last_device=930.0, shoulders_lanes=(0.0, 0.0))
     alone, told = (hypotheses_of(late, n_open=1, prior=replace(ANYWHERE, announced=known))[0] for known in (None, announced))
     assert alone.closed_from > CLOSES + 15
-    assert (told.closed_from, told.open_from) == (pytest.approx(CLOSES, abs=4), pytest.approx(OPENS, abs=4))
+    assert (told.closed_from, told.open_from) == pytest.approx((CLOSES, OPENS), abs=4)

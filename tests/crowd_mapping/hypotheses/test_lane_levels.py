@@ -17,7 +17,8 @@ def likeliest(path: CommonPath, *, width: tuple[float, float] = (3.6, 0.12), n_l
 @pytest.mark.parametrize("outer_sd", [0.03, 0.12])
 def test_width_of_a_single_lane_is_known_as_before_the_zone_but_for_a_narrowing_of_8_cm(outer_sd: float) -> None:
     levels = likeliest(common_path(np.zeros((6, 100)), np.zeros(6)), width=(3.6, outer_sd), n_lanes=1)
-    assert (levels.n_lanes, levels.width) == (1, pytest.approx(3.6))
+    assert levels.n_lanes == 1
+    assert levels.width == pytest.approx(3.6)
     assert levels.width_sd == pytest.approx(np.hypot(outer_sd, 0.08), rel=1e-6)
 
 
