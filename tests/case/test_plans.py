@@ -10,7 +10,7 @@ from builders import straight_traces
 from wzsumo.case import plans
 from wzsumo.case.crowd import Crowd
 from wzsumo.case.methods import METHODS
-from wzsumo.case.plans import bound_for, guides_for, nominal_guide
+from wzsumo.case.plans import guides_for, nominal_guide, traces_ending_in_lane_of
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
 from wzsumo.crowd_mapping.mixture.selection import MixtureSweep
@@ -82,7 +82,7 @@ def test_all_lines_are_a_guide_where_nobody_went_to_the_goals_lane(site: Site) -
 
 def test_lane_that_a_trace_ends_in_is_told_by_its_last_stretch_alone(site: Site) -> None:
     traces = pd.concat([straight_traces([RIGHT, MIDDLE]), changing(60, start=MIDDLE, end=RIGHT)])
-    assert set(bound_for((100.0, RIGHT), traces, road=site.layout.road)["vehicle_id"]) == {"v000", "changer"}
+    assert set(traces_ending_in_lane_of((100.0, RIGHT), traces, road=site.layout.road)["vehicle_id"]) == {"v000", "changer"}
 
 
 def test_lines_of_all_come_second(site: Site) -> None:

@@ -1,4 +1,4 @@
-"""What a case came to: the map against the truth, the planned and the driven path against devices, edges and closed area."""
+"""Figures of a case: the map against the truth; planned and driven path against devices, pavement edges and closed area."""
 
 from dataclasses import asdict
 from typing import Any
@@ -29,25 +29,27 @@ def assess(
     scenario: Scenario,
     site: Site,
 ) -> dict[str, Any]:
-    """Figures of one method, as result.json has them; `run` is None where nothing was driven, `crowd` where none was asked.
+    """Figures of one method, by their keys in result.json.
 
-    `over_zone` are the traces of the fleet without the ego.
+    `run` is None where the ego did not drive, `crowd` where the map is of another source. `over_zone` are the traces of the
+    fleet in a simulation without the ego. The clearances and the closed-area share beside the map's quality are those of the
+    driven path, or of the planned path where the ego did not drive.
     """
     quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
     planned, driven = (
         None if poses is None else asdict(clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout))
         for poses in (plan.path.poses if plan.path else None, run.poses if run is not None and len(run.log) > 1 else None)
     )
-    first = driven or planned or {}
+    headline = driven or planned or {}
     return {
         "outcome": str(run.outcome if run else Outcome.NO_PATH),
         "reason": run.reason if run else f"{plan.status}: {plan.reason}",
         "n_traces": int(crowd.traces["vehicle_id"].nunique()) if crowd else None,
         "n_components": crowd.mixture.n_components if crowd else None,
         **asdict(quality),
-        "min_clearance_devices_m": first.get("min_clearance_devices_m"),
-        "min_clearance_road_edge_m": first.get("min_clearance_road_edge_m"),
-        "closed_area_share": first.get("closed_area_share"),
+        "min_clearance_devices_m": headline.get("min_clearance_devices_m"),
+        "min_clearance_road_edge_m": headline.get("min_clearance_road_edge_m"),
+        "closed_area_share": headline.get("closed_area_share"),
         "planned": planned,
         "driven": driven,
         "plan_status": str(plan.status),
@@ -69,7 +71,7 @@ def _drive_figures(run: EgoRun, over_zone: pd.DataFrame, *, scenario: Scenario, 
 
 
 def goal_figures(plan: Plan, *, lane: int, scenario: Scenario, site: Site) -> dict[str, Any]:
-    """What the planned path to one goal does, as if it were driven exactly and nobody else were on the road."""
+    """Figures of the planned path to one goal, as if the ego drove it exactly on an empty road."""
     figures: dict[str, Any] = {"lane": lane, "plan_status": str(plan.status), "planned_outcome": "NO_PATH"}
     if plan.path is None:
         return figures | {"reason": plan.reason, "closed_area_share": None, "n_devices_struck": None, "length_m": None}
@@ -86,7 +88,7 @@ def goal_figures(plan: Plan, *, lane: int, scenario: Scenario, site: Site) -> di
 
 
 def lidar_figures(lidar: LidarBaseline) -> dict[str, Any]:
-    """What is told of a LiDAR mapping drive."""
+    """Figures of a LiDAR mapping drive."""
     return {
         "vehicle_id": lidar.vehicle_id,
         "n_scans": len(lidar.poses),

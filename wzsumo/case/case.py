@@ -1,4 +1,4 @@
-"""One case from the zone to its figures: the page that reads like the paper."""
+"""One case, from the zone to the figures of every map method: the steps of the paper in their order."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,12 +20,12 @@ from wzsumo.scenario.site import prepare_site
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CaseResult:
-    """All that a case came to. `write_case` makes files of it."""
+    """Everything that a case gives; `write_case` writes it to files."""
 
     scenario: Scenario
     fleet: FleetMeasures
-    collected: pd.DataFrame  # every trace that was reported
-    crowd: Crowd  # made of those among them that are used
+    collected: pd.DataFrame  # the reported traces
+    crowd: Crowd  # made of the used ones among them
     lidar: LidarBaseline | None
     methods: dict[str, MethodResult]
     to_open_lane: dict[str, Plan]  # the plans to the goal in the open lane
@@ -33,21 +33,21 @@ class CaseResult:
 
 
 def run_case(scenario: Scenario, *, methods: Sequence[MapMethod], sumo_folder: Path, watch: Watch) -> CaseResult:
-    """What the methods come to in a scenario. SUMO works in `sumo_folder`, which keeps its files."""
+    """The results of the methods in a scenario. SUMO's files are written to `sumo_folder` and stay there."""
     site = prepare_site(scenario)
     zone, fleet = simulate_zone(scenario, site.layout, folder=sumo_folder, watch=watch)
     collected = reported_traces(zone.over_zone, scenario, which="collected")
     sources = Sources(zone=zone, scenario=scenario, site=site, watch=watch)
     crowd = sources.crowd
-    load_kernels()  # so that the first plan's time is a plan's
+    load_kernels()  # before the first plan, whose time would include it
     results: dict[str, MethodResult] = {}
     to_open_lane: dict[str, Plan] = {}
     for method in methods:
         result = evaluate(method, sources, scenario=scenario, site=site, watch=watch)
-        other, goals = plan_to_open_lane(method, result, sources, scenario=scenario, site=site)
+        open_plan, goals = plan_to_open_lane(method, result, sources, scenario=scenario, site=site)
         results[method.name] = replace(result, figures=result.figures | {"goals": goals})
-        if other is not None:
-            to_open_lane[method.name] = other
+        if open_plan is not None:
+            to_open_lane[method.name] = open_plan
     scanned = any(method.source is Source.LIDAR for method in methods)
     return CaseResult(
         scenario=scenario,

@@ -1,4 +1,4 @@
-"""From the fleet to what the crowd reports: the traces over the zone, and those of the equipped vehicles with their errors."""
+"""The crowd: what equipped vehicles of the fleet report, what is learned of it, and which ground they surely drove over."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -21,7 +21,10 @@ from wzsumo.sensing.equipped import choose_equipped, first_traces
 from wzsumo.sensing.gnss import report
 from wzsumo.work_zone import WorkZoneLayout
 
-TRACE_MARGIN_M = 50.0  # traces reach this far beyond the zone, so that what is learned joins the nominal map
+TRACE_MARGIN_M = 50.0  # traces reach this far beyond the zone, so that what is learned joins the nominal map; chosen by us
+MIN_WITNESSES = 2  # vehicles; one alone may have been out of its lane
+POSITION_ERROR_SDS = 2.0  # standard deviations that a reported position may be off; 95 % of normal errors are smaller
+MAX_TRACE_ERROR_M = 0.01  # by which a simplified trace may leave the reported one
 
 
 def traces_over_zone(fleet: pd.DataFrame, layout: WorkZoneLayout) -> pd.DataFrame:
@@ -32,7 +35,7 @@ def traces_over_zone(fleet: pd.DataFrame, layout: WorkZoneLayout) -> pd.DataFram
 
 
 def reported_traces(over_zone: pd.DataFrame, scenario: Scenario, *, which: Literal["collected", "used"]) -> pd.DataFrame:
-    """The traces that are collected, or those among them that make the map, as their vehicles report them.
+    """The collected traces, or the used ones among them, which make the map, with the errors of their receivers.
 
     `over_zone` is what `traces_over_zone` gives. Raises SpecError where fewer equipped vehicles passed than are asked for.
     """
@@ -44,7 +47,7 @@ def reported_traces(over_zone: pd.DataFrame, scenario: Scenario, *, which: Liter
 
 
 def collection_figures(over_zone: pd.DataFrame, scenario: Scenario) -> dict[str, Any]:
-    """How many equipped vehicles passed, and how long it took from the first vehicle's passing until as many had as are used.
+    """How many equipped vehicles passed, and the minutes from the first vehicle's passing to that of the last one that is used.
 
     Raises SpecError where fewer passed.
     """
@@ -65,9 +68,9 @@ class Crowd:
     traces: pd.DataFrame
     road: Road
     spec: MixtureSpec
-    sweep: MixtureSweep  # the mixtures of all numbers of components that were tried
-    mixture: Mixture  # the one that is chosen
-    samples: FloatArray  # drawn from it
+    sweep: MixtureSweep  # one mixture for each number of components
+    mixture: Mixture  # the chosen one
+    samples: FloatArray  # drawn from the chosen mixture
 
 
 def learn_from(traces: pd.DataFrame, *, road: Road, spec: MixtureSpec, seed: int, tell: Tell | None = None) -> Crowd:
@@ -88,30 +91,26 @@ def learn_from(traces: pd.DataFrame, *, road: Road, spec: MixtureSpec, seed: int
     return Crowd(traces=traces, road=road, spec=spec, sweep=sweep, mixture=mixture, samples=samples)
 
 
-MIN_VEHICLES = 2  # one alone may have been out of its lane
-POSITION_ERRORS = 2.0  # standard deviations that a vehicle may have been off where it reported to be
-KINK_M = 0.01  # a point of a trace that lies so near the line through its neighbours is left out
-
-
 def witness_reach_m(scenario: Scenario) -> float:
-    """How far [m] to either side of a reported centre the ground was surely driven over; 0 or less: nowhere.
+    """How far [m] to either side of a reported centre the vehicle surely drove over the ground; 0 or less: nowhere.
 
-    Half a vehicle and the scatter of drivers in their lane, less what positions may be wrong by, as the receivers state it.
+    Half a vehicle's width, plus the scatter of drivers in their lane, less POSITION_ERROR_SDS standard deviations of the
+    position as the receivers state them.
     """
     stated_sd_m = float(np.hypot.reduce(scenario.gnss.standard_deviations_m))
-    return scenario.vehicle.width_m / 2 + scenario.mixture.driver_sd_m - POSITION_ERRORS * stated_sd_m
+    return scenario.vehicle.width_m / 2 + scenario.mixture.driver_sd_m - POSITION_ERROR_SDS * stated_sd_m
 
 
 def free_witnessed_ground(grid: OccupancyGrid, traces: pd.DataFrame, *, reach_m: float) -> OccupancyGrid:
-    """The map with the witnessed ground free."""
+    """The map with the ground free that MIN_WITNESSES vehicles drove over (see `witnessed_ground`)."""
     return grid.with_p_occupied(np.where(witnessed_ground(grid, traces, reach_m=reach_m), 0.0, grid.p_occupied))
 
 
 def witnessed_ground(cells: OccupancyGrid, traces: pd.DataFrame, *, reach_m: float) -> BoolArray:
-    """Cells (rows, cols) within `reach_m` of the traces of MIN_VEHICLES vehicles or more."""
+    """Cells (rows, cols) within `reach_m` of the traces of MIN_WITNESSES vehicles or more."""
     count = np.zeros(cells.shape, dtype=np.int16)
     if reach_m > 0:
         for _, trace in traces.groupby("vehicle_id"):
-            line = LineString(trace.sort_values("time_s")[["x_m", "y_m"]].to_numpy()).simplify(KINK_M)
+            line = LineString(trace.sort_values("time_s")[["x_m", "y_m"]].to_numpy()).simplify(MAX_TRACE_ERROR_M)
             count += cells_inside(cells, line.buffer(reach_m, cap_style="flat"))
-    return count >= MIN_VEHICLES
+    return count >= MIN_WITNESSES

@@ -1,4 +1,4 @@
-"""What one method comes to in a case: its map, the plan on it, the drive along the plan, and their figures."""
+"""The result of one map method in a case: its map, the plan on it, the drive along the plan, and their figures."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from wzsumo.case.assessment import assess, goal_figures, lidar_figures
 from wzsumo.case.closed_loop import Drive, drive_path
 from wzsumo.case.crowd import Crowd
 from wzsumo.case.lidar_baseline import LidarBaseline
-from wzsumo.case.map_method import CrowdMethod, MapMethod
+from wzsumo.case.map_method import MapMethod
 from wzsumo.case.methods import map_of_before
 from wzsumo.case.plans import plan_for
 from wzsumo.case.replanning import NewMap
@@ -22,12 +22,12 @@ from wzsumo.planning.plan import Plan, PlanStatus
 from wzsumo.scenario.scenario import Pose, Scenario
 from wzsumo.scenario.site import Site, site_with_open_goal
 
-DRIVE_LIMIT_S = 400.0
+DRIVE_LIMIT_S = 400.0  # from entering the road; a drive that takes longer has TIMED_OUT; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MethodResult:
-    """The map that was scored and planned on, the plan, the drive (None where none was made), and the figures of all."""
+    """The map that was scored and planned on, the plan, the drive (None where the ego did not drive), and their figures."""
 
     grid: OccupancyGrid
     plan: Plan
@@ -45,14 +45,14 @@ def evaluate(
     drives: bool = True,
     watch: Watch,
 ) -> MethodResult:
-    """The result of one method, by which a run and a sweep report the same.
+    """The result of one method. Both `wzsumo run` and a sweep call this, so that they report the same for the same case.
 
-    `grid` is the method's map where it has been made already; without `drives` the ego stays where it is.
+    `grid` is the method's map where it has been made already; `drives` says whether the ego drives along the plan.
     """
     zone, crowd = sources.zone, method.crowd_of(sources)
     with watch.timing(f"map {method.name}"):
         grid = grid or method.map_of_zone(sources, scenario=scenario, site=site)
-    plan = plan_to_set_out_with(method, grid, scenario=scenario, site=site, crowd=crowd)
+    plan = first_plan(method, grid, scenario=scenario, site=site, crowd=crowd)
     with watch.timing(f"drive {method.name}"):
         maps = new_maps(method, sources, scenario=scenario, site=site) if drives else ()
         run = drive_plan(plan, zone, name=method.name, scenario=scenario, site=site, maps=maps, watch=watch) if drives else None
@@ -63,20 +63,20 @@ def evaluate(
 def plan_to_open_lane(
     method: MapMethod, result: MethodResult, sources: Sources, *, scenario: Scenario, site: Site
 ) -> tuple[Plan | None, dict[str, Any]]:
-    """The plan on the method's map to the goal in the open lane, None where the scenario names none; figures of both goals."""
+    """The plan to the goal in the open lane, None where the scenario names none, and figures of the plans to both goals."""
     goals = {"own_lane": goal_figures(result.plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)}
-    lane, other = scenario.route.open_goal_lane, site_with_open_goal(site)
-    if lane is None or other is None:
+    lane, open_site = scenario.route.open_goal_lane, site_with_open_goal(site)
+    if lane is None or open_site is None:
         return None, goals
-    plan = plan_for(method, result.grid, scenario=scenario, site=other, crowd=method.crowd_of(sources))
-    goals["open_lane"] = goal_figures(plan, lane=lane, scenario=scenario, site=other)
+    plan = plan_for(method, result.grid, scenario=scenario, site=open_site, crowd=method.crowd_of(sources))
+    goals["open_lane"] = goal_figures(plan, lane=lane, scenario=scenario, site=open_site)
     return plan, goals
 
 
 def drive_plan(
     plan: Plan, zone: SimulatedZone, *, name: str, scenario: Scenario, site: Site, maps: Iterable[NewMap] = (), watch: Watch
 ) -> EgoRun | None:
-    """The ego's run along the plan through the zone's traffic, None where there is no path. `maps` reach it on the way."""
+    """The ego's run along the plan through the zone's traffic, None where the plan has no path. `maps` reach it on the way."""
     if plan.path is None:
         return None
     drive = Drive(
@@ -87,10 +87,12 @@ def drive_plan(
         return drive_path(plan.path, layout=site.layout, files=files, drive=drive, on_step=tell, new_maps=maps)
 
 
-def plan_to_set_out_with(
-    method: MapMethod, grid: OccupancyGrid, *, scenario: Scenario, site: Site, crowd: Crowd | None
-) -> Plan:
-    """The first plan: on `grid`, the method's own map, or where the scenario says so on that of the road without the zone."""
+def first_plan(method: MapMethod, grid: OccupancyGrid, *, scenario: Scenario, site: Site, crowd: Crowd | None) -> Plan:
+    """The plan that the ego sets out with.
+
+    It is a plan on `grid`, the method's own map. A map of a crowd may reach the ego later: where the scenario says so, the
+    first plan is one on the map of the road without the zone.
+    """
     updates = scenario.map_updates
     if crowd is not None and updates is not None and updates.sets_out_with == "map_of_before":
         grid, crowd = map_of_before(site), None
@@ -98,22 +100,13 @@ def plan_to_set_out_with(
 
 
 def new_maps(method: MapMethod, sources: Sources, *, scenario: Scenario, site: Site) -> tuple[NewMap, ...]:
-    """The maps of larger crowds that reach the ego on its way, each with the way to plan on it; none of another source."""
-    if scenario.map_updates is None or not isinstance(method, CrowdMethod):
-        return ()
+    """The method's maps that reach the ego on its way, each with the function that plans on it."""
     return tuple(
         NewMap(
             after_s=arriving.after_s,
-            plan=partial(
-                _plan_from,
-                method=method,
-                grid=method.map_of_crowd(arriving.crowd, scenario=scenario, site=site),
-                scenario=scenario,
-                site=site,
-                crowd=arriving.crowd,
-            ),
+            plan=partial(_plan_from, method=method, grid=arriving.grid, scenario=scenario, site=site, crowd=arriving.crowd),
         )
-        for arriving in sources.arriving(scenario.map_updates.arrivals)
+        for arriving in method.arriving_maps(sources, scenario=scenario, site=site)
     )
 
 
@@ -122,9 +115,12 @@ def _plan_from(start: Pose, *, method: MapMethod, grid: OccupancyGrid, scenario:
 
 
 def table_row(result: MethodResult, *, lidar: LidarBaseline | None, drives: bool) -> dict[str, Any]:
-    """Figures by column (see `sweep.results`). `drives` says whether the ego was to drive; `lidar` made the map, if any did."""
+    """The row of a sweep's table: figures by column (see `sweep.results`).
+
+    `lidar` is the mapping drive of the map, None for a map of another source; `drives` says whether the ego was to drive.
+    """
     figures = dict(result.figures)
-    del figures["replans"]  # their number stays
+    del figures["replans"]  # a table has their number alone
     planned, driven, measured = (figures.pop(name) or {} for name in ("planned", "driven", "drive"))
     figures |= {f"slam_{name}": value for name, value in (lidar_figures(lidar) if lidar else {}).items()}
     figures |= {f"planned_{name}": value for name, value in planned.items()}

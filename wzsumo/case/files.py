@@ -26,7 +26,7 @@ NOT_RUN = {"slam": "not part of this run; `make baselines` runs it in the paper'
 
 
 def write_case(result: CaseResult, folder: Path) -> dict[str, Any]:
-    """Write scenario, layout, traffic, traces, mixture, and each method's map, paths and drive; the content of result.json."""
+    """The content of result.json; written to `folder` with layout, traffic, traces, mixture, maps, paths and drives."""
     write_layout(result.scenario.layout(), folder)
     write_toml(result.scenario.model_dump(mode="json"), folder / "scenario.toml")
     _write_traffic(result.fleet.traffic, folder)

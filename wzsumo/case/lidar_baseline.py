@@ -19,8 +19,10 @@ from wzsumo.sensing.imu import read_motion
 from wzsumo.sensing.lidar import Drive, cast_ahead, drive_scans
 from wzsumo.sensing.scene import MIN_TRUCK_LENGTH_M, scene_of
 
-FIRST_ENTRY_S = 120.0  # of the mapping car: the road is full of traffic by then, as it is for the ego
-SLACK_M = 10.0  # by which the car's trace may begin after the ego's start and end before its goal; chosen by us
+EARLIEST_ENTRY_S = 120.0  # of the mapping car: by then the road is full of traffic, as it is for the ego; chosen by us
+TRACE_END_TOLERANCE_M = (
+    10.0  # the car's trace may begin so far after the ego's start and end so far before its goal; chosen by us
+)
 OUTLINE = ("length_m", "width_m")
 
 
@@ -30,7 +32,7 @@ class LidarBaseline:
 
     maps: SlamMaps
     vehicle_id: str
-    states: dict[str, int]  # number of scans by what their pose rests on (`ScanState`)
+    states: dict[str, int]  # number of scans by `ScanState`, which says how their pose was found
     ate_m: float  # absolute trajectory error: rms of the position error, first pose aligned
     dead_reckoning_ate_m: float
     poses: FloatArray  # (n, 4, 4) of the car at each scan: rear axle on the ground
@@ -74,19 +76,19 @@ def mapping_drive(fleet: pd.DataFrame, *, scenario: Scenario, site: Site) -> tup
     right, left = road.lane_span(scenario.route.start_lane)
     for vehicle_id, trace in sorted(passing.groupby("vehicle_id"), key=lambda item: (item[1]["time_s"].min(), item[0])):
         begin, end = trace.iloc[0], trace.iloc[-1]
-        whole = begin["s"] < first + SLACK_M and end["s"] > last - SLACK_M
-        if begin["time_s"] >= FIRST_ENTRY_S and whole and right < begin["d"] < left:
+        whole = begin["s"] < first + TRACE_END_TOLERANCE_M and end["s"] > last - TRACE_END_TOLERANCE_M
+        if begin["time_s"] >= EARLIEST_ENTRY_S and whole and right < begin["d"] < left:
             centre = trace[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
             poses = advance(centre, -scenario.vehicle.axle_to_centre_m)
             return str(vehicle_id), Drive(time_s=trace["time_s"].to_numpy(dtype=float), poses=poses)
     raise SpecError(
-        f"slam: no car began in lane {scenario.route.start_lane} after {FIRST_ENTRY_S:g} s and drove through the zone; raise "
-        "simulation.demand.flow_vph or simulation.demand.duration_s, or leave the LiDAR maps out"
+        f"slam: no car began in lane {scenario.route.start_lane} after {EARLIEST_ENTRY_S:g} s and drove through the zone; "
+        "raise simulation.demand.flow_vph or simulation.demand.duration_s, or leave the LiDAR maps out"
     )
 
 
 def others_at(fleet: pd.DataFrame, drive: Drive) -> Callable[[float], pd.DataFrame]:
-    """The vehicles at a time [s] of the drive, each moved on from its last fix at constant velocity: a function of the time."""
+    """A function of the time [s] that gives the vehicles then, each moved on from its last fix at constant velocity."""
     within = fleet[(fleet["time_s"] >= drive.time_s[0] - 1.0) & (fleet["time_s"] <= drive.time_s[-1])]
     table = within.sort_values("time_s", kind="stable")[
         ["time_s", "x_m", "y_m", "heading_rad", "speed_mps", *OUTLINE]

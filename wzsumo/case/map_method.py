@@ -1,4 +1,4 @@
-"""MapMethod: one way to a map of the zone, by what it makes the map of."""
+"""MapMethod: one way to make a map of the zone. Its subclasses differ in what they make the map of."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from wzsumo.scenario.road_before import with_road_outside
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
 
-MIXTURE_FIXES = 100_000  # evenly taken of a file: 300 traces of 10 Hz, and as much as tells 30 components apart
+MAX_MIXTURE_FIXES = 100_000  # of a longer file every n-th fix is taken; 300 traces of 33 s at 10 Hz; chosen by us
 
 
 class Source(StrEnum):
@@ -36,18 +36,27 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapTask:
-    """What is asked of a map that is made of traces."""
+    """What a method needs, beside the traces, to make a map of them."""
 
     cells: OccupancyGrid  # the cells to fill; their values do not matter
     half_width_m: float  # of the vehicles, whose centres the traces are
     seed: int
     before: MapBefore | None = None  # the road from before the zone, where it is known
-    witness_reach_m: float = 0.0  # to either side of a reported centre, that is surely ground which the vehicle drove over
-    tell: Tell = lambda _share: None  # is called with the share of the work that is done
+    witness_reach_m: float = 0.0  # how far to either side of a reported centre the vehicle surely drove over the ground
+    tell: Tell = lambda _share: None  # called with the share of the work that is done
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArrivingMap:
+    """A map that reaches the ego while it drives, and the crowd that it is made of."""
+
+    after_s: float  # since the ego entered the road
+    crowd: Crowd
+    grid: OccupancyGrid
 
 
 class MadeMap(NamedTuple):
-    """A map and what its method says of it."""
+    """A map, and figures of what its method learned."""
 
     grid: OccupancyGrid
     figures: dict[str, Any]
@@ -55,29 +64,39 @@ class MadeMap(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapMethod(ABC):
-    """One way to a map of the zone, by the name that command line, study files, results and reports know."""
+    """One way to make a map of the zone. Command line, study files, results and reports know it by its name."""
 
     name: str
     title: str  # in figures and in the command line's help
     cpu_s: float = 0.5  # processor time of map and plan on one core of 2020 (analysis/benchmarks/sweep.py), for estimates
-    planner: Callable[[PlannerSpec], PlannerSpec] = lambda planner: planner  # the scenario's planner made fit for its maps
+    planner: Callable[[PlannerSpec], PlannerSpec] = lambda planner: planner  # the scenario's planner, adapted to its maps
     source: ClassVar[Source]
+    joins_road: ClassVar[bool] = False  # whether it joins what traces say to the road from before the zone
 
     @abstractmethod
     def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:
         """The map over the site's cells."""
 
-    def crowd_of(self, sources: Sources) -> Crowd | None:  # noqa: ARG002 - those of the crowd look at the sources
+    def crowd_of(self, sources: Sources) -> Crowd | None:  # noqa: ARG002 - methods of the crowd look at the sources
         """The crowd that the map is made of, None where it is made of something else."""
         return None
+
+    def arriving_maps(
+        self,
+        sources: Sources,  # noqa: ARG002 - methods of the crowd look at the sources
+        *,
+        scenario: Scenario,  # noqa: ARG002
+        site: Site,  # noqa: ARG002
+    ) -> tuple[ArrivingMap, ...]:
+        """The maps that reach the ego while it drives, in order of time; none unless they are made of traces."""
+        return ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CrowdMethod(MapMethod):
-    """A map of the crowd's traces. Outside the announced zone, where the road is as it was, the nominal map holds."""
+    """A map of the crowd's traces. Outside the announced zone the work changes nothing: there the nominal lanes are free."""
 
     source: ClassVar[Source] = Source.CROWD
-    joins_road: ClassVar[bool]  # whether it joins what the traces say to the road from before the zone
 
     def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:
         """The map over the site's cells, of the traces that the scenario uses."""
@@ -86,6 +105,19 @@ class CrowdMethod(MapMethod):
     def crowd_of(self, sources: Sources) -> Crowd:
         """The crowd that the map is made of."""
         return sources.crowd
+
+    def arriving_maps(self, sources: Sources, *, scenario: Scenario, site: Site) -> tuple[ArrivingMap, ...]:
+        """The maps of the larger crowds of `scenario.map_updates`, in order of time."""
+        if scenario.map_updates is None:
+            return ()
+        return tuple(
+            ArrivingMap(
+                after_s=arriving.after_s,
+                crowd=arriving.crowd,
+                grid=self.map_of_crowd(arriving.crowd, scenario=scenario, site=site),
+            )
+            for arriving in sources.arriving(scenario.map_updates.arrivals)
+        )
 
     def map_of_crowd(self, crowd: Crowd, *, scenario: Scenario, site: Site) -> OccupancyGrid:
         """The map over the site's cells, of any crowd."""
@@ -106,7 +138,7 @@ class CrowdMethod(MapMethod):
 
     @abstractmethod
     def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
-        """The map of anybody's traces over the task's cells, and what was learned of them."""
+        """The map of a trace table over the task's cells, and what was learned of it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,15 +163,14 @@ class MixtureMethod(CrowdMethod):
     """A map that is made of the mixture fitted to the traces."""
 
     make: Callable[[Crowd, MapTask], OccupancyGrid]
-    joins_road: ClassVar[bool] = False
 
     def make_of(self, crowd: Crowd, task: MapTask) -> MadeMap:
         """The map of the crowd's mixture."""
         return MadeMap(self.make(crowd, task), {"n_components": crowd.mixture.n_components})
 
     def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
-        """The map of the mixture of the traces, of which at most MIXTURE_FIXES are taken."""
-        fixes = traces.iloc[:: max(1, -(-len(traces) // MIXTURE_FIXES))]
+        """The map of the mixture of the traces, of which at most MAX_MIXTURE_FIXES are taken."""
+        fixes = traces.iloc[:: max(1, -(-len(traces) // MAX_MIXTURE_FIXES))]
         road = reference_line_from_traces(fixes)
         return self.make_of(learn_from(fixes, road=road, spec=MixtureSpec(), seed=task.seed, tell=task.tell), task)
 
@@ -148,8 +179,8 @@ class MixtureMethod(CrowdMethod):
 class LidarMethod(MapMethod):
     """A map of one LiDAR mapping drive.
 
-    It does not know where the pavement ends: beyond the edges that the map from before gives, it is occupied; outside the
-    announced zone that map holds, as it does for the crowd's maps.
+    The scans do not say where the pavement ends: beyond the edges of the road before the zone the map is occupied. Outside the
+    announced zone the nominal lanes are free, as on the crowd's maps.
     """
 
     form: Callable[[SlamMaps], OccupancyGrid]

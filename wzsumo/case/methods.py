@@ -1,4 +1,4 @@
-"""The map methods that stand side by side. One call of `register` makes a method appear wherever methods are named."""
+"""The map methods. One call of `register` makes a method appear wherever methods are named."""
 
 from collections.abc import Iterable
 
@@ -25,10 +25,10 @@ from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
 
-# Half a metre from the devices is to be left, and the edges of a crowd's map lie up to 0.3 m beyond them. With a wish for 1.2 m
-# the least of 100 planned clearances was 0.50 m, on swept maps with 1.0 m 0.45 m (16 zones, seeds 102, 103).
+# The path is to keep 0.5 m from the devices, and the edges of a crowd's map lie up to 0.3 m beyond them. Measured on our
+# simulated traffic (100 plans, 16 zones, seeds 102, 103): 1.2 m keeps at least 0.50 m, 1.0 m on swept maps 0.45 m.
 CROWD_CLEARANCE_M = 1.2
-DEFAULT_METHOD = "lanes"  # of a map of anybody's traces
+DEFAULT_METHOD = "lanes"  # for a map of a trace file or table
 PAPER_INFLATION_M = 0.7  # Chen et al. 2022, both mapping branches; the paper plans for a point on that map
 
 METHODS: dict[str, MapMethod] = {}  # by name, in the order in which they are shown
@@ -55,19 +55,19 @@ def methods_from(*sources: Source) -> dict[str, MapMethod]:
 
 
 def is_baseline(name: str) -> bool:
-    """Whether the method of that name stands for the practice of today: its maps are not made of the crowd's traces."""
+    """Whether the method of that name is a baseline: its maps are not made of the crowd's traces."""
     return name in METHODS and METHODS[name].source is not Source.CROWD
 
 
 def chosen_methods(names: Iterable[str] | None, scenario: Scenario) -> tuple[MapMethod, ...]:
-    """The methods of these names; where none are given those of the crowd, and with a section `slam` in the scenario all."""
+    """The methods of these names. Without names they are those of the crowd, or all where the scenario has a section `slam`."""
     if names is not None:
         return tuple(method_named(name) for name in names)
     return tuple((METHODS if scenario.slam else methods_from(Source.CROWD)).values())
 
 
 def plan_for_a_point(planner: PlannerSpec) -> PlannerSpec:
-    """As in the paper: the map is inflated and searched for a point, without a guide."""
+    """The planner of the paper: it inflates the map and searches a path for a point on it, without a guide."""
     return planner.model_copy(update={"body": "point", "inflation_radius_m": PAPER_INFLATION_M, "guide_cost": 0.0})
 
 
@@ -102,14 +102,14 @@ def _lanes(traces: pd.DataFrame, task: MapTask) -> MadeMap:
 
 
 def map_of_before(site: Site) -> OccupancyGrid:
-    """The lanes of the road free, whatever is closed now; shoulders are not for driving."""
+    """The map with all lanes of the road free, also those that are closed now, and everything else occupied."""
     road = site.layout.road
     lanes = cells_inside(site.cells, road.strip(0.0, road.length, 0.0, road.travelled_width))
     return site.cells.with_p_occupied(np.where(lanes, 0.0, 1.0))
 
 
 def map_of_before_with_devices(site: Site) -> OccupancyGrid:
-    """The map of before with the outline of every device occupied, as a crew that reports them would mark them.
+    """The map of before with the outline of every device occupied, as if the road crew reported each device's place.
 
     Outlines are half a cell wider, so that each device fills the cell that it stands in.
     """

@@ -1,4 +1,4 @@
-"""Sources: what the maps of a case are made of. Each is made when it is first asked for, and kept."""
+"""Sources: what the maps of a case are made of. Each is made at its first use, and kept."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,8 +24,8 @@ class ArrivingCrowd:
 class Sources:
     """The crowd's traces and one LiDAR mapping drive through a simulated zone.
 
-    Of the scenario count the sections that decide simulation, site, reports and LiDAR. `known_crowd` is the crowd where it has
-    been learned from already.
+    They depend only on the sections of the scenario that decide simulation, site, reports and LiDAR. `known_crowd` is the crowd
+    where another case has learned from the same traces already.
     """
 
     zone: SimulatedZone
@@ -36,12 +36,12 @@ class Sources:
 
     @cached_property
     def crowd(self) -> Crowd:
-        """What the traces of `crowd.used` vehicles gave. Raises SpecError where fewer equipped vehicles passed."""
+        """The first `crowd.used` traces and what they teach. Raises SpecError where fewer equipped vehicles passed."""
         return self.known_crowd or self._learn(self.scenario)
 
     @cached_property
     def lidar(self) -> LidarBaseline:
-        """What one LiDAR mapping drive gave. Raises SpecError where no car made such a drive."""
+        """The maps of one LiDAR mapping drive. Raises SpecError where no car of the fleet can make such a drive."""
         spec = self.scenario.slam or SlamSpec()
         with self.watch.timing("LiDAR mapping drive"), self.watch.progress("LiDAR mapping drive", 1.0) as tell:
             return map_by_lidar(self.zone.whole_fleet(), spec, scenario=self.scenario, site=self.site, on_share=tell)

@@ -1,4 +1,4 @@
-"""SimulatedZone: the zone with its fleet driven through it, as far as a case needs to know it."""
+"""SimulatedZone: the traces of the fleet that SUMO drove through the zone, and the files to simulate it again."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -20,7 +20,7 @@ from wzsumo.work_zone import WorkZoneLayout
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedZone:
-    """The traffic of a zone without the ego. Trace tables are true: without GNSS errors."""
+    """The traffic of a zone without the ego. The traces are true positions, without GNSS errors."""
 
     over_zone: pd.DataFrame  # traces over the zone, of the vehicles that passed it (see `traces_over_zone`)
     whole_fleet: Callable[[], pd.DataFrame]  # traces over the whole road, of all vehicles
@@ -29,7 +29,7 @@ class SimulatedZone:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FleetMeasures:
-    """What is measured of the fleet."""
+    """Measures of the fleet's drive through the zone."""
 
     summary: FleetSummary
     traffic: TrafficMeasures
@@ -38,7 +38,7 @@ class FleetMeasures:
 def simulate_zone(
     scenario: Scenario, layout: WorkZoneLayout, *, folder: Path, watch: Watch
 ) -> tuple[SimulatedZone, FleetMeasures]:
-    """The zone of a scenario with its traffic, simulated in `folder`, which keeps the files of SUMO; what is measured of it."""
+    """The simulated zone of a scenario, and measures of its fleet. SUMO's files are written to `folder`."""
     simulation = scenario.zone_simulation()
     with watch.timing("network"):
         files = write_sumo_files(layout, folder, spec=simulation, seed=scenario.seed)
