@@ -1,4 +1,4 @@
-"""OccupancyGrid: p(occupied) on a regular grid, and its ROS map_server files."""
+"""OccupancyGrid: p(occupied) on a regular grid, and the cells of it that lie inside an area."""
 
 from dataclasses import dataclass
 
