@@ -12,6 +12,7 @@ from wzsumo.case.methods import DEFAULT_METHOD, chosen_methods
 from wzsumo.case.traces_map import crowd_method, map_of_traces, read_road
 from wzsumo.case.watch import Progress, Watch, quiet_progress
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
+from wzsumo.errors import InputError
 from wzsumo.files.output import staged_folder
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.plan import Plan, plan_path
@@ -64,7 +65,8 @@ def build_map(
 
     `road` names a file that says how the road was before the zone, in the frame of the traces: a scenario, or a TOML file with
     the sections [road] and [announced]; the defaults are those of `wzsumo map`. Free cells have p_occupied below 0.196; where
-    nobody drove is unknown, not free. Raises InputError where the table is no trace table, or is not on the road.
+    nobody drove is unknown, not free. Raises InputError where the table is no trace table, or is not on the road, and for a
+    resolution that is not above 0 and at most 10 m.
 
     >>> import pandas as pd, wzsumo
     >>> x = [float(x) for x in range(0, 200, 2)]
@@ -73,6 +75,8 @@ def build_map(
     >>> bool(grid.free[grid.cell_of([[100.0, 0.3]])][0])
     True
     """
+    if not 0 < resolution_m <= 10:
+        raise InputError(f"resolution_m={resolution_m} must be above 0 and at most 10 m, the edge of a cell")
     road_file = None if road is None else Path(road)
     chosen = crowd_method(method, road=road_file)
     usable = usable_traces(traces, source="traces").traces

@@ -39,3 +39,10 @@ def test_import_of_the_package_takes_less_than_a_twentieth_of_its_parts() -> Non
 def test_table_that_is_no_trace_table_is_refused() -> None:
     with pytest.raises(InputError, match="y_m"):
         wzsumo.build_map(pd.DataFrame({"vehicle_id": ["a"], "time_s": [0.0], "x_m": [1.0]}), seed=1)
+
+
+@pytest.mark.parametrize("resolution_m", [0.0, -1.0, 10.5, float("nan")])
+def test_map_with_a_resolution_that_no_cell_can_have_is_refused(resolution_m: float) -> None:
+    traces = pd.DataFrame({"vehicle_id": "a", "time_s": [0.0, 1.0], "x_m": [0.0, 20.0], "y_m": 0.0})
+    with pytest.raises(InputError, match=r"resolution_m=.* must be above 0 and at most 10 m"):
+        wzsumo.build_map(traces, resolution_m=resolution_m)
