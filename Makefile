@@ -51,5 +51,5 @@ lock: setup  ## resolve the packages of pyproject.toml anew into requirements.lo
 		--generate-hashes --no-header --no-annotate --output-file requirements.lock
 
 clean:  ## remove .venv, results and caches
-	rm -rf $(VENV) results .pytest_cache .mypy_cache .ruff_cache .hypothesis *.egg-info
+	rm -rf $(VENV) results .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info
 	find wzsumo tests analysis .ci -name __pycache__ -prune -exec rm -rf {} +
