@@ -1,12 +1,23 @@
+from typing import Literal
+
 import numpy as np
 import pandas as pd
 import pytest
 from builders import straight_traces
 
-from wzsumo.case.crowd import collection_figures, free_witnessed_ground, witness_reach_m, witnessed_ground
+from wzsumo.case.crowd import (
+    collection_figures,
+    free_witnessed_ground,
+    learn_from,
+    reported_traces,
+    traces_over_zone,
+    witness_reach_m,
+    witnessed_ground,
+)
+from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.errors import SpecError
 from wzsumo.frames import BoolArray
-from wzsumo.grid import OccupancyGrid
+from wzsumo.grid import OccupancyGrid, blank_grid
 from wzsumo.scenario.scenario import Scenario, load_scenario
 from wzsumo.scenario.site import Site, prepare_site
 
@@ -65,3 +76,71 @@ def test_minutes_to_collect_run_from_the_first_vehicle_to_the_last_of_those_that
     more = PAPER.model_copy(update={"crowd": PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 6})})
     with pytest.raises(SpecError, match=r"crowd\.used"):
         collection_figures(traces, more)
+
+
+@pytest.mark.parametrize("k_max", [1, 2])
+def test_share_of_the_work_that_is_learned_ends_at_one(k_max: int) -> None:
+    shares: list[float] = []
+    road = PAPER.layout().road
+    learn_from(straight_traces([MIDDLE]), road=road, spec=MixtureSpec(k_max=k_max), seed=1, tell=shares.append)
+    assert shares[-1] == 1.0
+
+
+def test_traces_reach_50_m_beyond_the_zone_and_are_those_of_vehicles_that_passed_it_whole() -> None:
+    layout = PAPER.layout()
+    whole = straight_traces([MIDDLE], length_m=layout.road.length, step_m=1.0)
+    half = whole[whole["x_m"] < 1000].assign(vehicle_id="half")
+    traces = traces_over_zone(pd.concat([whole, half], ignore_index=True), layout)
+    assert set(traces["vehicle_id"]) == {"v000"}
+    assert traces["x_m"].min() == pytest.approx(layout.start - 50, abs=1.0)
+    assert traces["x_m"].max() == pytest.approx(layout.end + 50, abs=1.0)
+    assert list(traces.index) == list(range(len(traces)))
+
+
+@pytest.mark.parametrize(("which", "n"), [("collected", 4), ("used", 2)])
+def test_reports_are_of_so_many_vehicles_as_are_collected_or_used(which: Literal["collected", "used"], n: int) -> None:
+    crowd = PAPER.crowd.model_copy(update={"penetration": 1.0, "collected": 4, "used": 2})
+    scenario = PAPER.model_copy(update={"crowd": crowd})
+    over_zone = straight_traces(np.full(6, MIDDLE), length_m=1100.0)
+    reported = reported_traces(over_zone, scenario, which=which)
+    assert reported["vehicle_id"].nunique() == n
+    few = over_zone[over_zone["vehicle_id"] == "v000"]
+    with pytest.raises(SpecError, match=rf"crowd\.{which}={n} asks for more"):
+        reported_traces(few, scenario, which=which)
+
+
+@pytest.mark.parametrize("criterion", ["aic", "bic"])
+def test_mixture_is_the_one_with_the_lowest_criterion_of_the_scenario(criterion: str) -> None:
+    traces = straight_traces([1.83, MIDDLE], length_m=200.0)
+    crowd = learn_from(traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=6, criterion=criterion), seed=1)
+    table = crowd.sweep.table
+    assert crowd.mixture.n_components == table["n_components"].iloc[int(table[criterion].to_numpy().argmin())]
+
+
+def test_no_component_is_narrower_than_its_least_standard_deviation() -> None:
+    traces = straight_traces([MIDDLE], length_m=200.0)  # all on one line
+    for least_sd_m in (0.1, 0.4):
+        crowd = learn_from(traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=2, least_sd_m=least_sd_m), seed=1)
+        assert np.sqrt(crowd.mixture.covariances[:, 1, 1]) == pytest.approx(least_sd_m, rel=1e-3)
+
+
+def test_copies_of_a_trace_scatter_as_drivers_do_and_widen_the_mixture() -> None:
+    traces = straight_traces([MIDDLE], length_m=200.0)
+    one, many = (
+        learn_from(traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=2, copies=copies), seed=1).mixture
+        for copies in (0, 20)
+    )
+    assert one.covariances[0, 1, 1] < 0.1**2 < many.covariances[:, 1, 1].max()
+
+
+@pytest.mark.parametrize(("scale", "rises"), [(0.005, False), (0.05, True)])
+def test_trace_is_simplified_by_a_centimetre_at_most(scale: float, rises: bool) -> None:
+    """Two vehicles drive the same zigzag: the ground that they have in common is wider where the zigzag is kept."""
+    fine = blank_grid((495.0, MIDDLE - 2, 505.0, MIDDLE + 2), resolution=0.005, p_occupied=1.0)
+    zigzag = straight_traces([MIDDLE], length_m=1100.0)
+    zigzag["y_m"] += np.where(np.arange(len(zigzag)) % 2, scale, -scale)
+    traces = pd.concat([zigzag, zigzag.assign(vehicle_id="b")])
+    ground = witnessed_ground(fine, traces, reach_m=REACH_M)
+    rows = np.flatnonzero(ground.any(axis=1))
+    height = (rows[-1] - rows[0] + 1) * 0.005
+    assert (height > 2 * REACH_M + 0.05) == rises

@@ -84,7 +84,7 @@ def learn_from(traces: pd.DataFrame, *, road: Road, spec: MixtureSpec, seed: int
         points,
         k_max=spec.k_max,
         reg_covar_m2=spec.least_sd_m**2,
-        progress=None if tell is None else lambda done, total: tell(done / total),
+        progress=None if tell is None else lambda done, total: tell(done / total if total else 1.0),
     )
     mixture = sweep.best("aic" if spec.criterion == "aic" else "bic")
     samples = road.to_xy(*samples_inside(mixture, spec=spec, seed=seed).T)
