@@ -73,3 +73,18 @@ def test_clearances_on_the_page_of_drives_are_those_of_its_csv() -> None:
         name = f"`{method}`, {'10 m/s' if speed == '10' else 'posted speed'}"
         below = (clearance < 0.5).sum()
         assert f"| {name} | 80 | 80 | {clearance.min():.2f} | {clearance.median():.2f} | {below} |" in page
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/results/paper_case.md"])
+def test_figures_of_the_papers_case_are_those_of_its_csv(page: str) -> None:
+    rows = pd.read_csv(ROOT / "docs" / "results" / "paper_case_seeds.csv")
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert sorted(rows["seed"].unique()) == list(range(121, 131))
+    swept, lanes = (rows[rows["method"] == method] for method in ("swept", "lanes"))
+    for name, column in (("precision", "precision"), ("recall", "recall"), ("IoU", "iou")):
+        told = [re.escape(f"{part[column].mean():.3f}") for part in (swept, lanes)]
+        assert re.search(rf"^\| {name} \| {told[0]} \[[^]]*\] \| {told[1]} \[[^]]*\] \|$", text, flags=re.MULTILINE)
+    clearances = [part["min_clearance_devices_m"] for part in (swept, lanes)]
+    worst = [f"{clearance.min():.2f} m ({clearance.mean():.2f} m)" for clearance in clearances]
+    assert f"worst seed (mean) | {worst[0]} | {worst[1]} |" in text
+    assert (rows["outcome"] == "REACHED_GOAL").all()

@@ -170,7 +170,7 @@ def test_ego_that_nears_a_vehicle_beside_it_by_less_than_a_decimetre_does_not_yi
 @pytest.mark.parametrize("overlap_m", [0.1, 0.4, 1.0])
 def test_ego_that_overlaps_a_vehicle_sideways_does_not_yield_to_it_however_it_moves(overlap_m: float) -> None:
     beside = MIDDLE - 0.925 - 0.93 + overlap_m - (1.4 + 2.32) * 0.1
-    assert not yields(outlook(beside, slope=0.1), one_vehicle(-12, MIDDLE, speed=12.0))
+    assert not yields(outlook(beside, slope=0.1), one_vehicle(-12, MIDDLE, speed=20.0))
 
 
 def test_vehicle_in_the_nearest_lane_keeps_its_place_beside_the_middle_of_that_lane() -> None:
