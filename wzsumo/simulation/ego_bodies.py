@@ -31,8 +31,8 @@ def bodies_in_lanes(
     the lane, and SIDE_CLEARANCE_M on either side. With the width of the car alone, drivers who creep around an ego that waits
     at an angle between two lanes run into its rear corner.
 
-    Another lane in which a vehicle is beside the ego gets no body. That body would be a leader whom the vehicle has run into,
-    and the vehicle would stop there for good. Without it the vehicle drives on, and those that follow it meet the body later.
+    Another lane in which a vehicle is beside the ego gets no body. SUMO would take that body for a leader that the vehicle has
+    run into, and the vehicle would never drive on. Without the body it drives on; the vehicles behind it meet the body later.
     """
     front = advance(state.pose, vehicle.axle_to_bumper_m)
     stations, offsets = road.to_sd(np.vstack([front[:2], vehicle.outline(state.pose)]))

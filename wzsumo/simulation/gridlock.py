@@ -1,4 +1,4 @@
-"""Vehicles that would wait for each other for good where lanes merge, and how one of them is let go.
+"""Vehicles that wait for each other without end where lanes merge, and how one of them is let go.
 
 At the end of a lane a vehicle that straddles the line to the next lane counts, in SUMO, as hindered by a follower there that
 is closer than its minimum gap. That follower waits for the part of the first vehicle that is in its way. Both then stand until

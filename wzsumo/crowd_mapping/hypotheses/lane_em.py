@@ -10,8 +10,8 @@ of ends p of the closure (`change_likelihood`):
     p(all traces) = sum_p prior_p prod_i [ sum_k share_k N(y_i; right + k width, spread^2) likelihood_ipk ]^v_i
 
 The expectation step gives the probabilities of k and p. The maximisation step is a weighted regression of the levels on k with
-a normal prior of the width, Dirichlet pseudocounts for the shares, and the best of some spreads. Sources: Dempster, Laird and
-Rubin 1977; the covariance takes the missing information off (Louis 1982).
+a normal prior of the width, Dirichlet pseudocounts for the shares, and a choice of the best among CANDIDATE_SPREADS_M. Sources:
+Dempster, Laird and Rubin 1977; Louis 1982 for the covariance, which allows for the information that is missing.
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,10 @@ from wzsumo.frames import FloatArray
 # The prior of log(spread / usual spread): a normal distribution with this standard deviation below 0, whose cost has a maximum,
 # and a Cauchy distribution with this scale above. All chosen by us.
 NARROW_SPREAD_LOG_SD, MAX_NARROW_SPREAD_COST, WIDE_SPREAD_LOG_SCALE = 0.2, 6.0, 0.3
-CANDIDATE_SPREADS_M = np.geomspace(0.08, 6.0, 120)
-MIN_ROUND_GAIN = 1e-2  # gain in log posterior below which the rounds end
-MIN_INFORMATION_SHARE = 0.02  # what the lanes' overlap leaves of the information in any direction is not let fall below this
+CANDIDATE_SPREADS_M = np.geomspace(0.08, 6.0, 120)  # chosen by us
+MIN_ROUND_GAIN = 1e-2  # gain in log posterior below which the rounds end; chosen by us
+# Where lanes overlap, part of the information is missing. At least this share is taken to remain in each direction. By us.
+MIN_INFORMATION_SHARE = 0.02
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

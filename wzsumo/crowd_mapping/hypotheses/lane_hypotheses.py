@@ -27,10 +27,10 @@ from wzsumo.frames import FloatArray
 
 MIN_TRACES_PER_LANE = 0.6  # expected number of traces, each by its weight, that were ever in a lane; chosen by us
 MAX_COMPARED_TRACES = 100  # by which hypotheses are compared, evenly taken where there are more
-# Of each pattern all starts are fitted for a few rounds and the best ones go on, unless they lie so far (log evidence) behind
-# the best of all patterns.
+# All starts of a pattern are fitted for SCREENING_ROUNDS. The KEPT_STARTS best of them are then fitted on, except those whose
+# log evidence lies more than MAX_EVIDENCE_GAP below the best of all patterns. All chosen by us.
 SCREENING_ROUNDS, KEPT_STARTS, MAX_EVIDENCE_GAP = 4, 3, 12.0
-EM_ROUNDS = 25
+EM_ROUNDS = 25  # at most; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
