@@ -30,7 +30,7 @@ def made(traces: pd.DataFrame, *, resolution_m: float = 0.5, **given: Any) -> tu
 def test_cells_reach_10_m_beyond_the_traces_on_all_sides() -> None:
     grid, _ = made(straight_traces([0.0, 4.0], length_m=100.0))
     height, width = grid.shape
-    assert (width * 0.5, height * 0.5) == (pytest.approx(120.0, abs=0.5), pytest.approx(24.0, abs=0.5))
+    assert (width * 0.5, height * 0.5) == pytest.approx((120.0, 24.0), abs=0.5)
     assert list(grid.contains([(-9.9, -9.9), (109.9, 13.9), (-10.6, 0.0), (0.0, -10.6)])) == [True, True, False, False]
 
 

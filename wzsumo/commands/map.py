@@ -34,7 +34,7 @@ frame of the traces. It names a scenario (its road and where its zone begins and
   start_ft = 1000
   end_ft = 3400
 """
-TOLD_DROPS = 8  # on stderr; the result holds them all
+MAX_DROPS_PRINTED = 8  # on stderr; --json lists all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     usable = usable_traces(table, source=source)
     n_fixes, traces = len(table), usable.traces
     del table  # it may hold millions of fixes
-    _tell_dropped(usable.dropped)
+    _print_dropped(usable.dropped)
     before = read_road(args.road, traces, source=source)
     grid, learned = map_of_traces(
         traces, method, source=source, seed=args.seed, resolution_m=args.resolution_m, before=before, progress=progress_bar
@@ -76,8 +76,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _tell_dropped(dropped: pd.DataFrame) -> None:
-    for vehicle_id, n_fixes, reason in dropped.head(TOLD_DROPS).itertuples(index=False):
+def _print_dropped(dropped: pd.DataFrame) -> None:
+    for vehicle_id, n_fixes, reason in dropped.head(MAX_DROPS_PRINTED).itertuples(index=False):
         sys.stderr.write(f"left out: {vehicle_id}, {n_fixes} fix(es): {reason}\n")
-    if len(dropped) > TOLD_DROPS:
-        sys.stderr.write(f"left out: {len(dropped) - TOLD_DROPS} more; --json lists them all\n")
+    if len(dropped) > MAX_DROPS_PRINTED:
+        sys.stderr.write(f"left out: {len(dropped) - MAX_DROPS_PRINTED} more; --json lists them all\n")

@@ -1,15 +1,15 @@
-"""What the report of a run and that of a study share: their template engine, and figures with captions as files."""
+"""What the reports of a run and of a study share: their template engine, and figures embedded in the page."""
 
-from typing import TYPE_CHECKING
+import base64
+from collections.abc import Iterable
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
-if TYPE_CHECKING:
-    pass  # slow to load, and not every report is written with figures
+from wzsumo.figures.figure_files import ReportFigure
 
 
 def page_template(name: str) -> Template:
-    """A page's template of this package; an undefined value in it is an error, what is filled in is escaped."""
+    """A page's template of this package. An undefined value in it is an error; the values filled in are escaped."""
     environment = Environment(
         loader=PackageLoader("wzsumo.report", "."),
         autoescape=True,
@@ -18,3 +18,11 @@ def page_template(name: str) -> Template:
         lstrip_blocks=True,
     )
     return environment.get_template(name)
+
+
+def embedded(figures: Iterable[ReportFigure]) -> list[dict[str, str]]:
+    """Title, caption and image (PNG in base64) of each figure, as the templates take them."""
+    return [
+        {"title": each.title, "caption": each.caption, "png": base64.b64encode(each.path.read_bytes()).decode("ascii")}
+        for each in figures
+    ]

@@ -1,6 +1,5 @@
-"""report.html: one page, self-contained, that answers the run's question and shows every figure of it."""
+"""report.html of a run: one self-contained page that says whether the ego reached its goal and shows every figure."""
 
-import base64
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,10 +11,9 @@ from wzsumo.ego import Outcome
 from wzsumo.errors import OutputError
 from wzsumo.files.result_folder import ResultFolder, read_result_folder
 from wzsumo.report.drive_player import player_data
-from wzsumo.report.page import page_template
-from wzsumo.report.tables import goal_rows, outcome_in_words, traffic_rows
+from wzsumo.report.page import embedded, page_template
+from wzsumo.report.tables import DASH, goal_rows, outcome_in_words, traffic_rows
 
-DASH = "-"
 CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
 NOT_RUN_NAMES = {"slam": "LiDAR SLAM baseline"}
 
@@ -30,10 +28,7 @@ def write_report(folder: Path) -> Path:
     run = read_result_folder(folder)
     path = folder / "report.html"
     try:
-        figures = [
-            {"title": f.title, "caption": f.caption, "png": base64.b64encode(f.path.read_bytes()).decode("ascii")}
-            for f in write_figures(run, folder / "figures")
-        ]
+        figures = embedded(write_figures(run, folder / "figures"))
         path.write_text(_page(run, figures), encoding="utf-8")
     except PermissionError as error:
         raise OutputError(f"{error.filename}: cannot be written; give a folder that you may write to") from None

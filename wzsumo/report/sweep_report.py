@@ -1,6 +1,5 @@
-"""report.html of a study: what it answers, its figures, its tables, and every case with the command that runs it alone."""
+"""report.html of a study: its answers, figures and tables, and every case with the command that runs it alone."""
 
-import base64
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,13 +8,13 @@ import pandas as pd
 
 from wzsumo.case.methods import is_baseline
 from wzsumo.files.output import write_whole
-from wzsumo.report.page import page_template
+from wzsumo.report.page import embedded, page_template
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study
 from wzsumo.sweep.summary import GOOD_ENOUGH, TRACES, compare, summarise, traces_needed, write_table
 from wzsumo.sweep.version import code_version
 
-MOST_ROWS = 2000  # of cases on a page; the rest is in results.parquet
+MAX_CASE_ROWS = 2000  # on a page; results.parquet holds all cases
 MEASURES = ("safe_plan", "iou", "precision", "recall", "planned_min_clearance_devices_m")
 SHOWN = (
     "status", "plan_status", "safe_plan", "precision", "recall", "iou", "planned_min_clearance_devices_m",
@@ -32,10 +31,7 @@ def write_sweep_report(folder: Path) -> Path:
 
     study, table = read_study(folder), read_results(folder)
     factors = [name for name in table.attrs["factors"] if name != "seed"]
-    figures = [
-        {"title": f.title, "caption": f.caption, "png": base64.b64encode(f.path.read_bytes()).decode("ascii")}
-        for f in write_sweep_figures(table, folder / "figures")
-    ]
+    figures = embedded(write_sweep_figures(table, folder / "figures"))
     tables = _tables(table, factors)
     for part in tables:
         write_table(part["frame"], folder / "tables", part["stem"])
@@ -121,9 +117,9 @@ def _tables(table: pd.DataFrame, factors: list[str]) -> list[dict[str, Any]]:
 
 
 def _cases(table: pd.DataFrame, factors: list[str]) -> dict[str, Any]:
-    few = table.head(MOST_ROWS)
+    few = table.head(MAX_CASE_ROWS)
     shown = [name for name in SHOWN if few[name].notna().any()]
-    rest = "" if len(few) == len(table) else f" The first {MOST_ROWS} of {len(table)}; all are in results.parquet."
+    rest = "" if len(few) == len(table) else f" The first {MAX_CASE_ROWS} of {len(table)}; all are in results.parquet."
     return {
         "title": "Cases",
         "note": f"Click a case for the command that runs it alone.{rest}",

@@ -1,4 +1,4 @@
-"""What result.json says, as the rows of a report's tables."""
+"""The figures of result.json as rows of a report's tables."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -51,7 +51,10 @@ def _value(value: float | None, unit: str, decimals: int) -> str:
 
 
 def outcome_code(figures: Mapping[str, Any], key: str = "outcome") -> str:
-    """The outcome under `key`; where there is no path, how planning ended. Giving up does not show that none exists."""
+    """The outcome under `key`; where there is no path, how planning ended.
+
+    A planner that gave up at its limit has not shown that there is no path.
+    """
     outcome, status = str(figures.get(key) or DASH), figures.get("plan_status")
     return str(status) if outcome == "NO_PATH" and status in _NO_PATH_IN_WORDS else outcome
 
@@ -75,11 +78,11 @@ def goal_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
             row |= {
                 f"{goal}_outcome": outcome_in_words(figures, "planned_outcome"),
                 f"{goal}_closed": _percent(figures.get("closed_area_share")),
-                f"{goal}_struck": "-" if figures.get("n_devices_struck") is None else str(figures["n_devices_struck"]),
+                f"{goal}_struck": DASH if figures.get("n_devices_struck") is None else str(figures["n_devices_struck"]),
             }
         rows.append(row)
     return rows
 
 
 def _percent(share: float | None) -> str:
-    return "-" if share is None else f"{100 * share:.1f} %"
+    return DASH if share is None else f"{100 * share:.1f} %"

@@ -1,4 +1,4 @@
-"""The road as it was before a work zone, from a file: a scenario's own, or a few lines about anybody's road."""
+"""The road before a work zone, from a scenario file or from a file that describes the road alone."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from wzsumo.scenario.scenario import load_scenario
 from wzsumo.spec import Spec, parse_spec, read_toml
 from wzsumo.units import METRES_PER_FOOT
 
-BESIDE_M = 5.0  # of the pavement, where a fix with its error may lie
+MAX_FIX_DISTANCE_M = 5.0  # from the pavement, at which a fix with its error may lie; chosen by us
 
 
 class AnnouncedZone(Spec):
@@ -34,7 +34,7 @@ class RoadBefore(Spec):
 def read_map_before(path: Path) -> MapBefore:
     """The map of before that a scenario file holds, or a file of the sections [road] and [announced] alone.
 
-    Of a scenario the road counts and where its zone begins and ends; what it closes is left for the traces to tell.
+    Of a scenario it takes the road and where its zone begins and ends, not what the zone closes: the traces are to show that.
     """
     content = read_toml(path)
     if "work_zone" in content:
@@ -52,10 +52,15 @@ def read_map_before(path: Path) -> MapBefore:
 
 
 def check_on_road(traces: pd.DataFrame, before: MapBefore, *, source: str, road_source: str) -> None:
-    """Raise InputError where most of the traces do not lie on the road, in another frame then, or run against it."""
+    """Raise InputError where most fixes lie off the road, as in another frame, or most vehicles drive against it."""
     road = before.road
     s, d = road.to_sd(traces[["x_m", "y_m"]].to_numpy())
-    on_road = (s > 0) & (s < road.length) & (d > -road.right_shoulder - BESIDE_M) & (d < road.left_edge + BESIDE_M)
+    on_road = (
+        (s > 0)
+        & (s < road.length)
+        & (d > -road.right_shoulder - MAX_FIX_DISTANCE_M)
+        & (d < road.left_edge + MAX_FIX_DISTANCE_M)
+    )
     if on_road.mean() < 0.5:
         raise InputError(
             f"{source}: {on_road.sum()} of {len(traces)} fixes lie on the road of {road_source}; traces must be in the road's "

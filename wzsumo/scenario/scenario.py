@@ -25,11 +25,11 @@ from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DeviceKind, RoadType, WorkZone, WorkZoneLayout
 
 Pose = tuple[float, float, float]
-REACH_M = 20.0  # the vehicle reaches beyond its rear axle, and so do the maps beyond start and goal
+MAP_REACH_M = 20.0  # of the maps beyond start and goal, whose points are rear axles; chosen by us
 
 
 class Scenario(Spec):
-    """One case: frozen, and with its seed all that decides the result."""
+    """One case: everything that decides its result, the seed included."""
 
     name: Annotated[str, Decides.NOTHING] = Field(min_length=1, pattern=r"^[\w.-]+$")
     seed: Annotated[int, Decides.SIMULATION] = Field(ge=0)
@@ -54,9 +54,9 @@ class Scenario(Spec):
         return lay_out(self.work_zone, self.road.build())
 
     def capacity(self) -> ZoneCapacity:
-        """What the HCM makes of the zone. Raises SpecError where its model does not hold."""
+        """The zone's capacity by the HCM. Raises SpecError where its model does not hold."""
         posted_mph, truck_share = self.work_zone.posted_speed_mph, self.simulation.demand.truck_share
-        return zone_capacity(**self._as_the_hcm_asks(), posted_speed_mph=posted_mph, truck_share=truck_share)
+        return zone_capacity(**self._hcm_inputs(), posted_speed_mph=posted_mph, truck_share=truck_share)
 
     def zone_simulation(self) -> SimulationSpec:
         """`simulation` with the drivers that "hcm" stands for in this zone. Raises SpecError where the HCM has none."""
@@ -65,7 +65,7 @@ class Scenario(Spec):
         try:
             if self.work_zone.road_type is not RoadType.FREEWAY:
                 raise SpecError(f'road_type="{self.work_zone.road_type}": the HCM\'s work-zone model is of freeways')
-            zone = self._as_the_hcm_asks()
+            zone = self._hcm_inputs()
             rate = zone_queue_discharge_pcphpl(**zone)
             drivers = hcm_drivers(rate, total_lanes=zone["total_lanes"], open_lanes=zone["open_lanes"])
         except SpecError as error:
@@ -76,7 +76,7 @@ class Scenario(Spec):
         demand = self.simulation.demand.model_copy(update={"drivers": drivers})
         return self.simulation.model_copy(update={"demand": demand})
 
-    def _as_the_hcm_asks(self) -> dict[str, Any]:
+    def _hcm_inputs(self) -> dict[str, Any]:
         zone = self.work_zone
         if zone.one_lane_two_way:
             raise SpecError(
@@ -110,7 +110,7 @@ class Scenario(Spec):
         """Stations [m] between which the zone is mapped: from behind the start to beyond the goal."""
         start, goal = self.start_and_goal(layout)
         (first, last), _ = layout.road.to_sd([start[:2], goal[:2]])
-        return float(first) - REACH_M, float(last) + REACH_M
+        return float(first) - MAP_REACH_M, float(last) + MAP_REACH_M
 
     def mapped_ground(self, layout: WorkZoneLayout) -> Polygon:
         """The pavement between those stations, and a margin around it. Raises SpecError where that is too large."""
@@ -146,14 +146,14 @@ def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:
     return scenario
 
 
-# What misfits_of reads of a scenario.
+# The sections that `misfits_of` reads.
 FITTING_SECTIONS = frozenset({"road", "work_zone", "site", "simulation", "route", "vehicle", "crowd", "map"})
 
 
 def misfits_of(scenario: Scenario) -> list[str]:
     """What does not fit together in a scenario: zone and road, start and goal, flow and lanes, traces collected and used."""
     crowd, demand, road = scenario.crowd, scenario.simulation.demand, scenario.road
-    misfits = _refusals(scenario.layout) or _refusals(  # where there is no zone, nothing says who drives through it
+    misfits = _refusals(scenario.layout) or _refusals(  # without a zone the other checks have nothing to check
         lambda: scenario.mapped_ground(scenario.layout()),
         lambda: check_departures(
             scenario.zone_simulation().demand,

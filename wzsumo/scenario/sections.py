@@ -1,4 +1,4 @@
-"""The sections of a scenario that no stage has as its own: crowd, route, map, control, map updates, LiDAR baseline."""
+"""The sections of a scenario that belong to no single stage: crowd, route, map, control, map updates, LiDAR baseline."""
 
 import math
 from enum import StrEnum
@@ -24,7 +24,7 @@ class Decides(StrEnum):
 
     NOTHING = "nothing"  # a name
     SIMULATION = "simulation"  # the traffic of the fleet, and with it all that follows
-    COLLECTION = "collection"  # when so many traces are there, and whether they ever are; not what they say
+    COLLECTION = "collection"  # whether and when enough traces are collected, not what they say
     REPORTS = "reports"  # the traces that make the map, and what is learned from them
     LIDAR = "LiDAR"  # what a LiDAR mapping drive sees and maps
     SITE = "site"  # the cells of the maps, start and goal
@@ -85,7 +85,7 @@ class SlamSpec(Spec):
 
 
 class CrowdSpec(Spec):
-    """Whose traces are collected, and how many of them make the map."""
+    """How many vehicles report, and how many of their traces are collected and make the map."""
 
     # The first `used` of the equipped vehicles are the same whatever share is equipped (see `sensing.equipped`).
     penetration: Annotated[float, Decides.COLLECTION] = Field(0.15, gt=0, le=1)  # share of vehicles that report
@@ -94,7 +94,7 @@ class CrowdSpec(Spec):
 
 
 class RouteSpec(Spec):
-    """Where the ego starts and where it wants to go: lane centres before and after the zone, 0 = rightmost lane."""
+    """Start and goal of the ego: lane centres before and after the zone, 0 = rightmost lane."""
 
     start_lane: int = Field(ge=0)
     start_before_zone_m: float = Field(150.0, gt=0)

@@ -1,7 +1,7 @@
 """A sweep: every case of a study that is not finished yet, each simulation of the fleet once, whatever fails on the way."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -11,7 +11,6 @@ from typing import Any
 from wzsumo.sweep.agenda import Agenda, Work
 from wzsumo.sweep.results import write_results
 from wzsumo.sweep.store import open_store
-from wzsumo.sweep.study_case import StudyCase
 from wzsumo.sweep.study_file import Study
 from wzsumo.sweep.workers import Workers
 
@@ -22,7 +21,7 @@ Advance = Callable[[int], None]
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSummary:
-    """What a sweep came to, in numbers of cases."""
+    """The result of a sweep, in numbers of cases."""
 
     n_cases: int
     n_simulations: int
@@ -43,9 +42,10 @@ def run_sweep(
     tell: Callable[[str], None],
     cache_limit_mb: float = CACHE_LIMIT_MB,
 ) -> SweepSummary:
-    """Carry out what is missing of a study in `folder`; what the sweep came to. However it ends, finished cases are kept.
+    """Evaluate the cases that `folder` does not hold yet, and return their numbers. Finished cases are kept however it ends.
 
-    `progress` is called with (finished, all) cases and gives what is told of each batch; `tell` gets a line for a person.
+    `progress` is called with the numbers of finished and of all cases and gives a function, which is called with the number of
+    cases of each finished batch; `tell` is called with messages for a person.
     """
     with open_store(folder, study, tell=tell, cache_limit_mb=cache_limit_mb) as store:
         rows = store.finished()
@@ -73,13 +73,6 @@ def run_sweep(
         failures=Counter(str(failure["reason"]) for failure in failures.values()),
         results=results,
     )
-
-
-def missing_cases(study: Study, finished: Iterable[str]) -> dict[str, list[StudyCase]]:
-    """The cases that are not among the finished, by the simulation that they share."""
-    done = set(finished)
-    groups = {name: [case for case in cases if case.id not in done] for name, cases in study.simulations.items()}
-    return {name: cases for name, cases in groups.items() if cases}
 
 
 def _carried_out(agenda: Agenda, workers: Workers) -> Iterator[list[dict[str, Any]]]:

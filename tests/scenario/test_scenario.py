@@ -1,0 +1,84 @@
+"""What each section of a scenario decides, and that the names of a study's results change exactly where it decides them."""
+
+from typing import Any
+
+import pytest
+from sweep_trials import a_study
+
+from wzsumo.scenario.scenario import Scenario
+from wzsumo.scenario.sections import CrowdSpec, Decides
+from wzsumo.sweep.study_case import StudyCase
+
+# Section -> what it decides, as the design has it.
+DECIDED = {
+    "name": "nothing", "seed": "simulation", "road": "simulation", "work_zone": "simulation", "site": "simulation",
+    "simulation": "simulation", "crowd": "reports", "gnss": "reports", "mixture": "reports", "map": "site", "route": "site",
+    "vehicle": "site", "slam": "LiDAR", "map_updates": "drive", "planner": "drive", "control": "drive", "plant": "drive",
+}  # fmt: skip
+# A key of each section that a study can vary, and another value than the paper's.
+OTHER_VALUES: dict[str, tuple[str, Any]] = {
+    "seed": ("seed", 99), "road": ("road.left_shoulder_ft", 11.0), "work_zone": ("work_zone.work_length_ft", 700.0),
+    "site": ("site.light", "night"), "simulation": ("simulation.demand.flow_vph", 901.0), "crowd": ("crowd.used", 4),
+    "gnss": ("gnss.error_m", 1.0), "mixture": ("mixture.k_max", 7), "map": ("map.resolution_m", 0.2),
+    "route": ("route.start_before_zone_m", 140.0), "vehicle": ("vehicle.width_m", 1.9), "slam": ("slam.traffic", False),
+    "map_updates": ("map_updates.arrivals", [{"after_s": 5.0, "used": 9}]), "planner": ("planner.planned_speed_mps", 11.0),
+    "control": ("control.target_speed_mps", 11.0), "plant": ("plant.mass_kg", 1600.0),
+}  # fmt: skip
+# What the names of simulation, source and evaluation depend on, by the source of the method's map.
+SOURCE_DEPENDS = {
+    "swept": {"simulation", "reports"}, "slam_raw": {"simulation", "site", "LiDAR"}, "hd_map": {"simulation", "site"},
+}  # fmt: skip
+
+
+def case_with(method: str, **changes: Any) -> StudyCase:
+    (case,) = a_study(methods=(method,), seed=[21], fixed=changes).cases
+    return case
+
+
+def case_of(method: str, section: str) -> StudyCase:
+    """The paper's case with another value in one section."""
+    key, value = OTHER_VALUES[section]
+    if section == "seed":
+        (case,) = a_study(methods=(method,), seed=[value]).cases
+        return case
+    return case_with(method, **{key: value})
+
+
+def test_every_section_says_once_what_it_decides() -> None:
+    said = {
+        name: [mark.value for mark in field.metadata if isinstance(mark, Decides)]
+        for name, field in Scenario.model_fields.items()
+    }
+    assert said == {name: [what] for name, what in DECIDED.items()}
+    assert set(OTHER_VALUES) == set(DECIDED) - {"name"}
+
+
+@pytest.mark.parametrize("method", SOURCE_DEPENDS)
+@pytest.mark.parametrize("section", OTHER_VALUES)
+def test_cases_share_simulation_source_and_evaluation_unless_a_section_decides_them(method: str, section: str) -> None:
+    usual, other = case_with(method), case_of(method, section)
+    what, source = DECIDED[section], SOURCE_DEPENDS[method]
+    assert usual.id != other.id
+    assert (usual.simulation != other.simulation) == (what == "simulation")
+    assert (usual.site != other.site) == (what in {"simulation", "site"})
+    assert (usual.source != other.source) == (what in source)
+    assert (usual.evaluation != other.evaluation) == (what in source | {"site", "drive"})
+
+
+def test_share_of_equipped_vehicles_and_number_of_collected_traces_decide_no_map() -> None:
+    marked = {name for name, key in CrowdSpec.model_fields.items() if Decides.COLLECTION in key.metadata}
+    assert marked == {"penetration", "collected"}
+    usual = case_with("swept")
+    for key, value in (("crowd.penetration", 0.5), ("crowd.collected", 29)):
+        other = case_with("swept", **{key: value})
+        assert usual.id != other.id
+        assert (usual.source, usual.evaluation) == (other.source, other.evaluation)
+
+
+def test_methods_of_one_source_share_it_and_no_evaluation() -> None:
+    swept, lanes, before = (case_with(name) for name in ("swept", "lanes", "hd_map"))
+    assert swept.source == lanes.source != before.source
+    assert len({case.evaluation for case in (swept, lanes, before)}) == 3
+    (driven,) = a_study(methods=("swept",), drive=True, seed=[21]).cases
+    assert driven.source == swept.source
+    assert driven.evaluation != swept.evaluation
