@@ -1,4 +1,4 @@
-"""EgoOutlook: the ego on its path, and how it goes on along it if nobody hinders it."""
+"""EgoOutlook: the ego on its path, and how it goes on along it if no vehicle hinders it."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class PathOnRoad:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EgoOutlook:
-    """Where the ego is on its path, and how it goes on if nobody hinders it."""
+    """Where the ego is on its path, and how it goes on if no vehicle hinders it."""
 
     path: PathOnRoad
     station: float  # m, of the rear axle along the path

@@ -72,7 +72,7 @@ class _OthersOnRoad(NamedTuple):
 
 
 class _EgoForecast(NamedTuple):
-    """The ego at times (m,) from now if nobody hinders it."""
+    """The ego at times (m,) from now if no vehicle hinders it."""
 
     times: FloatArray  # s
     path_stations: FloatArray  # m, of the rear axle
@@ -177,7 +177,7 @@ def _can_yield(
     """Whether drivers (n,) are past when the ego enters their ways, or have the gap that they need behind it or before it.
 
     `distance` (n, m) [m] is from the ego's centre to theirs, `lengths` (n,) [m] both bodies together; `emergency` (n,) says for
-    whom the emergency values of margin and braking hold.
+    which drivers the emergency values of margin and braking hold.
     """
     from_ego = np.take_along_axis(distance, entries.steps[:, None], axis=1)[:, 0]
     ego_speeds = ego.speeds[entries.steps]

@@ -38,7 +38,7 @@ class PathFollower:
         self._take(path)
 
     def outlook(self, state: EgoState) -> EgoOutlook:
-        """How the ego goes on from `state` if nobody hinders it."""
+        """How the ego goes on from `state` if no vehicle hinders it."""
         return EgoOutlook(
             path=self._on_road, station=self.controller.station_m, state=state, vehicle=self._vehicle,
             desired_speeds=self._desired_speeds, acceleration=self._control.idm.acceleration_mps2,

@@ -15,8 +15,7 @@ from wzsumo.units import METRES_PER_FOOT
 from wzsumo.work_zone import OpenLane, WorkZoneLayout
 
 # A vehicle that changes lanes where two edges meet jumps sideways by at most this; SUMO moves it up to 0.1 m a step anyway.
-# Half of it makes a run of the paper's zone a sixth longer, with hardly fewer jumps: of 56,000 steps 54 instead of 65 are above
-# 0.2 m (seed 22).
+# Half of it makes a simulation a sixth longer and hardly fewer vehicles jump by more than 0.2 m. Set on our simulated traffic.
 MAX_WIDTH_STEP_M = 0.2
 PASSABLE_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is narrower: a car just fits; chosen by us
 # The remnant of a closing lane goes on until it is down to this: half the width of the truck of `demand`. SUMO stops a vehicle

@@ -24,7 +24,7 @@ from wzsumo.frames import BoolArray, FloatArray, IntArray
 
 CLOSED_PRIOR_ODDS = 0.1  # that a lane is closed somewhere along a long stretch; chosen by us
 # Of the closed stretch, from a taper with its tangent to a whole work space; chosen by us.
-CLOSED_LENGTH_MEDIAN_M, CLOSED_LENGTH_LOG_SD = 300.0, 0.8
+IDLE_LENGTH_MEDIAN_M, IDLE_LENGTH_LOG_SD = 300.0, 0.8
 MIN_CLOSED_LENGTH_M = 60.0  # shorter than any taper and tangent: a gap between two vehicles' lane changes
 CLOSURE_RANGE_M = 1000.0  # along which a closure may begin: the first trace that leaves the lane says where. Chosen by us
 IN_LANE_TOLERANCE = 0.02  # lane widths from the lane's middle; a vehicle farther off is on its way to another lane
@@ -95,7 +95,7 @@ def _closed_odds(stretch: IntArray, in_lane: BoolArray, known: BoolArray, weight
     """Odds that a lane is closed somewhere along an idle stretch (indices of stations) that traces passed in other lanes."""
     n = float((weights[:, None] * known[:, stretch]).sum(axis=0).mean())
     length = len(stretch) * STATION_SPACING_M
-    prior = CLOSED_PRIOR_ODDS * float(ndtr(np.log(length / CLOSED_LENGTH_MEDIAN_M) / CLOSED_LENGTH_LOG_SD))
+    prior = CLOSED_PRIOR_ODDS * float(ndtr(np.log(length / IDLE_LENGTH_MEDIAN_M) / IDLE_LENGTH_LOG_SD))
     others = OPEN_LANE_PSEUDOCOUNT * max(n_lanes - 1, 1)
     log_nobody_if_open = betaln(OPEN_LANE_PSEUDOCOUNT, others + n) - betaln(OPEN_LANE_PSEUDOCOUNT, others)
     return float(prior * np.exp(_log_ratio_of_leavers(stretch, in_lane, weights) - log_nobody_if_open))

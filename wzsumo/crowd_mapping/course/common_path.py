@@ -22,7 +22,7 @@ from wzsumo.frames import FloatArray
 # (0.17 to 1 m) every few hundred metres and none between.
 KINK_SCALE_M = 0.02
 # Noise standard deviations from which a trace's departure weighs less when further traces move a known course; chosen by us.
-HUBER_THRESHOLD_SDS = 3.0
+MAX_FULL_WEIGHT_SDS = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ def extend_path(path: CommonPath, offsets: FloatArray, lanes: FloatArray, *, wid
     rest = np.where(known, rest, 0.0)
     levels = rest.sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     miss = rest - levels[:, None]
-    huber = np.minimum(1.0, HUBER_THRESHOLD_SDS * path.errors.noise_m / np.maximum(np.abs(miss), 1e-9))
+    huber = np.minimum(1.0, MAX_FULL_WEIGHT_SDS * path.errors.noise_m / np.maximum(np.abs(miss), 1e-9))
     w = weights[:, None] * known * huber
     total = w.sum(axis=0)
     moved = np.where(total > 0, (w * miss).sum(axis=0) / np.maximum(total, 1e-12), 0.0)
