@@ -147,6 +147,17 @@ def test_deviation_of_speeds_is_that_of_the_fixes_after_the_warm_up() -> None:
     assert measure(traces, trips, warm_up_s=60).summary.speed_sd_taper_mps == pytest.approx(5.0, abs=0.05)
 
 
+def test_space_time_cells_are_ten_seconds_by_twenty_metres(uniform: TrafficMeasures) -> None:
+    assert np.diff(uniform.grid.time_edges) == pytest.approx(10.0)
+    assert np.diff(uniform.grid.station_edges) == pytest.approx(20.0)
+
+
+def test_spread_of_two_speeds_is_half_their_difference() -> None:
+    traces, trips = stream(n=2, headway_s=3.0, speed=25.0)
+    traces.loc[traces["vehicle_id"] == "v001", "speed_mps"] = 15.0  # in a cell of 20 m eight fixes of each, 2.5 m apart
+    assert measure(traces, trips, warm_up_s=0).stations["speed_sd_mps"].iloc[10] == pytest.approx(5.0, abs=1e-6)
+
+
 @pytest.mark.parametrize(("ahead_m", "counts"), [(190.0, True), (230.0, False)])
 def test_spread_of_speeds_counts_from_200_m_ahead_of_the_zone(ahead_m: float, counts: bool) -> None:
     traces, trips = stream(n=40, headway_s=3.0, speed=25.0)

@@ -38,7 +38,7 @@ class MixtureSpec(Spec):
     n_samples: int = Field(5000, ge=1)  # ibid.
     mass_share: float = Field(0.95, gt=0, lt=1)  # ibid.: samples within the 95 % confidence interval
     literal_square_m: float = Field(0.127, gt=0)  # ibid.: 5 by 5 inch
-    square_m: float = Field(1.524, gt=0)  # 5 by 5 FOOT: the smallest round size that joins the samples (docs/results/paper_case.md)
+    square_m: float = Field(1.524, gt=0)  # 5 by 5 FOOT: the smallest round size that joins the samples
     driver_sd_m: float = Field(0.25, ge=0, le=1)  # drivers' scatter across a lane; 0.2-0.4 m in naturalistic studies
     copies: int = Field(0, ge=0, le=20)  # of each trace, moved to the side by normal offsets of driver_sd_m: `augmentation`
 
