@@ -11,7 +11,7 @@ import pyarrow as pa
 from wzsumo.files.output import parquet_bytes
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.spec import read_toml
-from wzsumo.sweep.study_case import StudyCase
+from wzsumo.sweep.evaluation.study_case import StudyCase
 from wzsumo.sweep.study_file import Study, study_of
 from wzsumo.sweep.sweep import Advance, SweepSummary, run_sweep
 

@@ -31,9 +31,9 @@ from wzsumo.case.plans import plan_for
 from wzsumo.scenario.site import prepare_site
 from wzsumo.simulation.connection import sumo_binary
 from wzsumo.simulation.files import write_sumo_files
-from wzsumo.sweep.study_case import StudyCase
+from wzsumo.sweep.evaluation.study_case import StudyCase
+from wzsumo.sweep.evaluation.tasks import read_simulated, simulate
 from wzsumo.sweep.study_file import Study, load_study
-from wzsumo.sweep.tasks import read_simulated, simulate
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 STUDY = """

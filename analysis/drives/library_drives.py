@@ -19,8 +19,8 @@ import pandas as pd
 from wzsumo.errors import InputError
 from wzsumo.files.output import write_whole
 from wzsumo.scenario.scenario import Scenario, load_scenario
-from wzsumo.sweep.study_case import StudyCase
-from wzsumo.sweep.tasks import evaluate_cases, simulate
+from wzsumo.sweep.evaluation.study_case import StudyCase
+from wzsumo.sweep.evaluation.tasks import evaluate_cases, simulate
 from wzsumo.units import mps_from_mph
 
 LIBRARY = Path(__file__).parents[2] / "scenarios"

@@ -85,6 +85,11 @@ def test_method_that_cannot_map_traces_on_a_road_is_refused_with_those_that_can(
         crowd_method(name, road=Path("r.toml"))
 
 
+def test_one_name_in_place_of_a_list_is_refused_with_the_list_to_give() -> None:
+    with pytest.raises(SpecError, match=r"methods='hd_map': must be a list of names, such as \['hd_map'\]"):
+        chosen_methods("hd_map", PAPER)
+
+
 def test_methods_of_the_crowd_are_run_by_default_and_all_where_the_scenario_has_a_lidar() -> None:
     assert [method.name for method in chosen_methods(None, PAPER)] == ["paper_literal", "paper", "swept", "lanes"]
     with_slam: Scenario = PAPER.model_copy(update={"slam": SlamSpec()})

@@ -11,8 +11,8 @@ from sweep_trials import FLEET, a_study, sweep
 from wzsumo.errors import InputError
 from wzsumo.report.sweep_report import write_sweep_report
 from wzsumo.sweep import agenda as engine
+from wzsumo.sweep.evaluation.study_case import StudyCase
 from wzsumo.sweep.results import read_results
-from wzsumo.sweep.study_case import StudyCase
 
 
 def evaluate_cases(fleet: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ from sweep_trials import a_study
 
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.sections import CrowdSpec, Decides
-from wzsumo.sweep.study_case import StudyCase
+from wzsumo.sweep.evaluation.study_case import StudyCase
 
 # Section -> what it decides, as the design has it.
 DECIDED = {

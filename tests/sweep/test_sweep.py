@@ -12,9 +12,9 @@ from wzsumo.errors import InputError, OutputError
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.sweep import agenda as engine
 from wzsumo.sweep.agenda import BATCH, SMALLEST_BATCH
+from wzsumo.sweep.evaluation.study_case import StudyCase
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study
-from wzsumo.sweep.study_case import StudyCase
 
 
 @pytest.fixture(autouse=True)
@@ -198,7 +198,7 @@ def test_folder_of_another_format_is_refused_and_not_touched(tmp_path: Path) -> 
 
 
 def test_results_of_an_older_method_are_not_taken_for_new_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wzsumo.sweep.study_case.code_version", lambda: "0.0.9")
+    monkeypatch.setattr("wzsumo.sweep.evaluation.study_case.code_version", lambda: "0.0.9")
     sweep(a_study(seed=[1]), tmp_path)
     monkeypatch.undo()
     monkeypatch.setattr(engine, "simulate", simulate)

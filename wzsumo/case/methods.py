@@ -61,6 +61,8 @@ def is_baseline(name: str) -> bool:
 
 def chosen_methods(names: Iterable[str] | None, scenario: Scenario) -> tuple[MapMethod, ...]:
     """The methods of these names. Without names they are those of the crowd, or all where the scenario has a section `slam`."""
+    if isinstance(names, str):
+        raise SpecError(f"methods={names!r}: must be a list of names, such as [{names!r}]")
     if names is not None:
         return tuple(method_named(name) for name in names)
     return tuple((METHODS if scenario.slam else methods_from(Source.CROWD)).values())

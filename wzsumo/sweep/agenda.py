@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from wzsumo.case.map_method import Source
+from wzsumo.sweep.evaluation.study_case import StudyCase
+from wzsumo.sweep.evaluation.tasks import evaluate_cases, simulate
 from wzsumo.sweep.store import ResultStore
-from wzsumo.sweep.study_case import StudyCase
-from wzsumo.sweep.tasks import evaluate_cases, simulate
 
 BATCH = 32  # cases a task at most: some seconds of work, which is what a crash or a kill can cost
 SMALLEST_BATCH = 4  # each task reads the fleet anew, as long as a fifth of a case takes

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from wzsumo.errors import InputError
 from wzsumo.files.output import parquet_bytes, write_whole
-from wzsumo.sweep.study_case import StudyCase
+from wzsumo.sweep.evaluation.study_case import StudyCase
 
 RESULTS = "results.parquet"
 

@@ -15,7 +15,7 @@ from wzsumo.case.methods import METHODS
 from wzsumo.errors import SpecError
 from wzsumo.scenario.scenario import FITTING_SECTIONS, Scenario, load_scenario, misfits_of
 from wzsumo.spec import Spec, describe_mistakes, known_keys, parse_spec, read_toml
-from wzsumo.sweep.study_case import StudyCase
+from wzsumo.sweep.evaluation.study_case import StudyCase
 
 Keys = dict[str, Any]  # dotted scenario key -> value
 

@@ -10,9 +10,9 @@ from wzsumo.case.evaluation import table_row
 from wzsumo.case.files import result_json
 from wzsumo.case.methods import method_named
 from wzsumo.case.watch import Watch
+from wzsumo.sweep.evaluation.study_case import StudyCase
+from wzsumo.sweep.evaluation.tasks import evaluate_cases, read_simulated, simulate
 from wzsumo.sweep.results import MEASURED_COLUMNS
-from wzsumo.sweep.study_case import StudyCase
-from wzsumo.sweep.tasks import evaluate_cases, read_simulated, simulate
 
 SHORT = {
     "simulation.demand.duration_s": 200.0, "simulation.demand.flow_vph": 1200.0, "work_zone.work_length_ft": 200.0,

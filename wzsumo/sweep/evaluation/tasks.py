@@ -33,7 +33,7 @@ from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site, prepare_site
 from wzsumo.simulation.files import SumoFiles, write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
-from wzsumo.sweep.study_case import StudyCase
+from wzsumo.sweep.evaluation.study_case import StudyCase
 
 FLEET_FIGURES = (
     "n_passed", "mean_speed_activity_mps", "throughput_vph", "mean_delay_s", "max_queue_length_m", "n_hard_braking",
