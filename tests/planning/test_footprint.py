@@ -52,6 +52,12 @@ def test_point_is_free_in_a_free_cell_and_not_in_a_blocked_one_or_off_the_map() 
         assert pose_is_free(field, RESOLUTION, POINT_BODY, x, y, 0.3, 0.0) == free
 
 
+@pytest.mark.parametrize(("x", "y"), [(5.0, 20.01), (20.01, 5.0), (5.0, -0.01), (-0.01, 5.0)])
+def test_point_a_centimetre_beyond_the_edge_of_a_free_map_is_not_free(x: float, y: float) -> None:
+    field = np.full((80, 80), 9.0, dtype=np.float32)  # 20 m x 20 m in cells of 0.25 m
+    assert not pose_is_free(field, 0.25, POINT_BODY, x, y, 0.0, 0.0)
+
+
 def test_discs_cover_the_outline_and_the_inscribed_disc_lies_inside_it() -> None:
     body, outline = outline_body(CAR), shapely.Polygon(CAR.outline((0, 0, 0)))
     discs = shapely.union_all([shapely.Point(x, 0).buffer(body.disc_radius + 1e-3, quad_segs=64) for x in body.disc_offsets])
