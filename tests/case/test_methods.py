@@ -126,6 +126,16 @@ def test_map_of_traces_joins_the_road_outside_the_announced_zone(toy: TracesMeth
     assert made.figures == {"said": "free"}
 
 
+@pytest.mark.parametrize("name", ["swept", "lanes"])
+@pytest.mark.parametrize(("reach_m", "free"), [(0.0, False), (4.0, True)])
+def test_map_of_the_crowd_has_ground_free_that_two_vehicles_drove_over(name: str, reach_m: float, free: bool) -> None:
+    cells = blank_grid((0, -10, 200, 10), resolution=0.25, p_occupied=1.0)
+    task = MapTask(cells=cells, half_width_m=0.9, seed=1, witness_reach_m=reach_m)
+    grid = crowd_method(name, road=None).map_of_traces(straight_traces([-0.1, 0.0, 0.1], length_m=200.0), task).grid
+    # 3.5 m beside the traces: beyond their lane and what vehicles of 1.8 m sweep.
+    assert bool(grid.free[grid.cell_of([[100.0, 3.5]])][0]) == free
+
+
 def test_map_of_before_frees_the_lanes_that_are_closed_now_and_no_shoulder(site: Site) -> None:
     road, free = site.layout.road, map_of_before(site).free
     lanes = cells_inside(site.cells, road.strip(0, road.length, 0, road.travelled_width))
