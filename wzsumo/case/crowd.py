@@ -46,14 +46,16 @@ def reported_traces(over_zone: pd.DataFrame, scenario: Scenario, *, which: Liter
     return report(over_zone[over_zone["vehicle_id"].isin(chosen)], spec=scenario.gnss, seed=scenario.seed)
 
 
-def collection_figures(over_zone: pd.DataFrame, scenario: Scenario) -> dict[str, Any]:
+def collection_figures(over_zone: pd.DataFrame, scenario: Scenario, *, drives: bool) -> dict[str, Any]:
     """How many equipped vehicles passed, and the minutes from the first vehicle's passing to that of the last one that is used.
 
-    Raises SpecError where fewer passed.
+    Raises SpecError where fewer passed than are used, or where the ego drives, than a map that arrives on its way is made of.
     """
     passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
     equipped = choose_equipped(passed_at_s.index, penetration=scenario.crowd.penetration, seed=scenario.seed)
     first_traces(equipped, scenario.crowd.used, key="crowd.used")
+    for arrival in scenario.map_updates.arrivals if drives and scenario.map_updates else ():
+        first_traces(equipped, arrival.used, key="map_updates.arrivals.used")
     waited_s = passed_at_s[equipped].sort_values().to_numpy()[scenario.crowd.used - 1] - passed_at_s.min()
     return {"n_equipped": len(equipped), "minutes_to_collect": float(waited_s) / 60}
 

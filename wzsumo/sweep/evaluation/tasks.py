@@ -92,7 +92,7 @@ class _Shared:
     def row_of(self, case: StudyCase) -> dict[str, Any]:
         """The columns of a case that are measured."""
         takes_traces = case.map_method.source is Source.CROWD
-        collected = collection_figures(self._over_zone, case.scenario) if takes_traces else {}
+        collected = collection_figures(self._over_zone, case.scenario, drives=case.drive) if takes_traces else {}
         sources = self._sources_of(case)
         if case.evaluation not in self._rows:
             self._rows[case.evaluation] = self._evaluated(case, sources)
