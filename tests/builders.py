@@ -49,6 +49,20 @@ def paper_layout(**changes: object) -> WorkZoneLayout:
     return lay_out(paper_work_zone(**changes), paper_road())
 
 
+def interior_layout() -> WorkZoneLayout:
+    """The paper's zone with the middle lane of three closed and no shift."""
+    return paper_layout(closed_lanes=(1,), shift_ft=0, shifted_lane_width_ft=None)
+
+
+def by_turns_layout() -> WorkZoneLayout:
+    """A rural road of two lanes with the right one closed: both directions take turns on the other by a signal."""
+    zone = paper_work_zone(
+        posted_speed_mph=45, road_type="rural", closed_lanes=(0,), closed_shoulder="right", shift_ft=0,
+        shifted_lane_width_ft=None, one_lane_two_way="signal",
+    )  # fmt: skip
+    return lay_out(zone, two_lane_road())
+
+
 def straight_traces(
     offsets_m: Sequence[float] | FloatArray, *, length_m: float = 100.0, step_m: float = 2.0, speed_mps: float = 20.0
 ) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""The traffic of every zone of the library, one run each: who touches a device or another vehicle, and where drivers merge.
+"""The traffic of every zone of the library, one run each: contacts with devices and other vehicles, places of merges.
 
     python analysis/traffic/library_traffic.py --seed 81 [--scenarios paper right_lane] [--times 3]
 

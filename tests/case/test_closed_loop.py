@@ -67,7 +67,7 @@ class Watched(NamedTuple):
 
     run: EgoRun
     bodies: list[tuple[LaneBody, ...]]  # at each step
-    emergency_braking: list[set[str]]  # who may brake so, at each look around
+    emergency_braking: list[set[str]]  # ids of the vehicles that may brake so, at each look around
 
 
 @pytest.fixture(scope="module")

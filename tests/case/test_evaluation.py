@@ -104,7 +104,7 @@ def test_ego_that_sets_out_with_the_map_of_before_takes_its_free_lanes_and_no_gu
     )
     np.testing.assert_array_equal(
         planned_on[0]["grid"].p_occupied,
-        METHODS["hd_map"].map_of_zone(sources(PAPER), scenario=PAPER, site=coarse_site()).p_occupied,
+        METHODS["hd_map"].map_of_zone(sources(PAPER)).p_occupied,
     )
     assert planned_on[0]["crowd"] is None
 

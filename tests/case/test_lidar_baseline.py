@@ -113,7 +113,7 @@ def no_files() -> NoReturn:
 
 
 def map_by(name: str, sources: Sources) -> OccupancyGrid:
-    return METHODS[name].map_of_zone(sources, scenario=SCENARIO, site=SITE)
+    return METHODS[name].map_of_zone(sources)
 
 
 @pytest.fixture(scope="module")

@@ -2,25 +2,12 @@
 
 import numpy as np
 import pytest
-from builders import paper_layout, paper_road, paper_work_zone, two_lane_road
+from builders import by_turns_layout, interior_layout, paper_layout, paper_road, paper_work_zone
 
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.work_zone import OpenLane, WorkZoneLayout
 
-UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
-PAPER = paper_layout()
-INTERIOR = lay_out(paper_work_zone(closed_lanes=(1,), **UNSHIFTED), paper_road())
-BY_TURNS = lay_out(
-    paper_work_zone(
-        posted_speed_mph=45,
-        road_type="rural",
-        closed_lanes=(0,),
-        closed_shoulder="right",
-        **UNSHIFTED,
-        one_lane_two_way="signal",
-    ),
-    two_lane_road(),
-)
+PAPER, INTERIOR, BY_TURNS = paper_layout(), interior_layout(), by_turns_layout()
 
 
 def station(layout: WorkZoneLayout, area: str, share: float) -> float:
@@ -62,7 +49,7 @@ def test_closed_lane_ends_with_its_taper_and_begins_anew_where_the_zone_ends() -
 
 
 def test_two_closing_lanes_end_one_after_the_other_from_the_outside() -> None:
-    layout = paper_layout(closed_lanes=(1, 2), start_ft=100, **UNSHIFTED)
+    layout = paper_layout(closed_lanes=(1, 2), start_ft=100, shift_ft=0, shifted_lane_width_ft=None)
     ends = {lane.index: lane.end for lane in layout.lanes if lane.start == 0}
     assert ends == {
         0: layout.road.length,
@@ -95,14 +82,14 @@ def test_own_lane_crosses_to_the_opposing_one_from_100_ft_ahead_of_the_taper_to_
 
 
 def test_lane_on_the_open_side_of_a_closure_on_the_right_is_the_left_one() -> None:
-    layout = paper_layout(closed_lanes=(0,), closed_shoulder="right", **UNSHIFTED)
+    layout = paper_layout(closed_lanes=(0,), closed_shoulder="right", shift_ft=0, shifted_lane_width_ft=None)
     assert lanes_at(layout, station(layout, "merging taper", 0.25)) == {0: (3, 12), 1: (12, 24), 2: (24, 36)}
     assert lanes_at(layout, station(layout, "activity area", 0.5)) == {1: (12, 24), 2: (24, 36)}
 
 
 def test_opposing_lanes_keep_their_lines_beside_any_zone() -> None:
     layout = lay_out(
-        paper_work_zone(closed_lanes=(0,), closed_shoulder="right", **UNSHIFTED),
+        paper_work_zone(closed_lanes=(0,), closed_shoulder="right", shift_ft=0, shifted_lane_width_ft=None),
         paper_road(lane_count=2, opposing_lane_count=2),
     )
     opposing = [lane for lane in layout.lanes if lane.opposing]

@@ -1,23 +1,24 @@
 import numpy as np
 import pytest
+from planning.terrains import BODY, LANE_CHANGE, terrain
 
 from wzsumo.frames import FloatArray
-from wzsumo.grid import OccupancyGrid
-from wzsumo.planning.footprint import outline_body
 from wzsumo.planning.lattice import poses_along
-from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.pushing import smooth
-from wzsumo.planning.terrain import Terrain, terrain_of
-from wzsumo.vehicle import VehicleGeometry
-
-BODY = outline_body(VehicleGeometry())
-LANE_CHANGE = np.array([(20.0, 0.0), (15.0, 0.017), (15.0, -0.017), (20.0, 0.0)])
+from wzsumo.planning.terrain import Terrain
 
 
-def terrain(p_occupied: FloatArray | None = None) -> Terrain:
-    p = np.zeros((160, 400)) if p_occupied is None else p_occupied
-    grid = OccupancyGrid(p_occupied=p.astype(np.float32), resolution=0.25, origin=(0.0, 0.0))
-    return terrain_of(grid, body=BODY, spec=PlannerSpec(), reach_m=3.0)
+def smoothed(
+    points: FloatArray,
+    ground: Terrain,
+    *,
+    wavelength_m: float,
+    clearance_m: float,
+    headings: tuple[float, float] = (0.0, 0.0),
+) -> FloatArray:
+    """The points, smoothed on a terrain with one clearance everywhere."""
+    clearances = np.full(len(points), clearance_m)
+    return smooth(points, headings=headings, wavelength_m=wavelength_m, clearances_m=clearances, terrain=ground, body=BODY)
 
 
 def slow_smooth(points: FloatArray, headings: tuple[float, float], stiffness: float) -> FloatArray:
@@ -46,14 +47,7 @@ def slow_smooth(points: FloatArray, headings: tuple[float, float], stiffness: fl
 def test_smoothing_far_from_obstacles_equals_one_dense_least_squares_problem(wavelength_m: float) -> None:
     poses = poses_along(np.array([15.0, 15.0, 0.1]), LANE_CHANGE, max_step_m=0.5)
     headings = (poses[0, 2], poses[-1, 2])
-    found = smooth(
-        poses[:, :2],
-        headings=headings,
-        wavelength_m=wavelength_m,
-        clearances_m=np.full(len(poses), 0.5),
-        terrain=terrain(),
-        body=BODY,
-    )
+    found = smoothed(poses[:, :2], terrain(), wavelength_m=wavelength_m, clearance_m=0.5, headings=headings)
     step = np.hypot(*(poses[1, :2] - poses[0, :2]))
     expected = slow_smooth(poses[:, :2], headings, (wavelength_m / (2 * np.pi * step)) ** 6)
     np.testing.assert_allclose(found, expected, atol=1e-5)
@@ -61,14 +55,7 @@ def test_smoothing_far_from_obstacles_equals_one_dense_least_squares_problem(wav
 
 def test_straight_line_stays_straight() -> None:
     poses = poses_along(np.array([10.0, 20.0, 0.0]), np.array([(70.0, 0.0)]), max_step_m=0.5)
-    found = smooth(
-        poses[:, :2],
-        headings=(0.0, 0.0),
-        wavelength_m=60.0,
-        clearances_m=np.full(len(poses), 0.7),
-        terrain=terrain(),
-        body=BODY,
-    )
+    found = smoothed(poses[:, :2], terrain(), wavelength_m=60.0, clearance_m=0.7)
     np.testing.assert_allclose(found, poses[:, :2], atol=1e-9)
 
 
@@ -76,27 +63,18 @@ def test_path_off_the_middle_of_a_corridor_moves_there() -> None:
     p = np.ones((160, 400))
     p[72:86] = 0  # 3.5 m wide, middle at y = 19.75 m
     poses = poses_along(np.array([10.0, 19.3, 0.0]), np.array([(75.0, 0.0)]), max_step_m=0.5)
-    found = smooth(
-        poses[:, :2],
-        headings=(0.0, 0.0),
-        wavelength_m=25.0,
-        clearances_m=np.full(len(poses), 1.0),
-        terrain=terrain(p),
-        body=BODY,
-    )
+    found = smoothed(poses[:, :2], terrain(p), wavelength_m=25.0, clearance_m=1.0)
     np.testing.assert_allclose(found[40:-40, 1], 19.75, atol=0.05)
 
 
 def test_wave_of_the_wavelength_is_damped_to_half_and_longer_ones_stay() -> None:
     x = np.arange(0.0, 300.0, 0.5)
     halved, kept = (
-        smooth(
+        smoothed(
             np.column_stack([x, 20 + 0.1 * np.sin(2 * np.pi * x / wave_m)]),
-            headings=(0.0, 0.0),
+            terrain(np.zeros((160, 1300))),
             wavelength_m=20.0,
-            clearances_m=np.full(len(x), 0.5),
-            terrain=terrain(np.zeros((160, 1300))),
-            body=BODY,
+            clearance_m=0.5,
         )[200:400, 1]
         - 20
         for wave_m in (20.0, 60.0)
@@ -110,14 +88,7 @@ def test_obstacle_beyond_the_clearance_asked_for_does_not_push(gap_m: float, pus
     p = np.zeros((160, 400))
     p[: int((20 - 0.93 - gap_m) * 4)] = 1  # a wall to the right, at most the gap and a cell of 0.25 m from the body
     poses = poses_along(np.array([10.0, 20.0, 0.0]), np.array([(75.0, 0.0)]), max_step_m=0.5)
-    found = smooth(
-        poses[:, :2],
-        headings=(0.0, 0.0),
-        wavelength_m=25.0,
-        clearances_m=np.full(len(poses), 0.8),
-        terrain=terrain(p),
-        body=BODY,
-    )
+    found = smoothed(poses[:, :2], terrain(p), wavelength_m=25.0, clearance_m=0.8)
     assert (found[60:-60, 1].min() > 20.1) == pushed
 
 
@@ -125,13 +96,6 @@ def test_wall_on_one_side_is_pushed_off_to_nearly_the_clearance_asked_for() -> N
     p = np.zeros((160, 400))
     p[:74] = 1  # up to y = 18.5 m, 0.57 m from a body at y = 20 m
     poses = poses_along(np.array([5.0, 20.0, 0.0]), np.array([(90.0, 0.0)]), max_step_m=0.5)
-    found = smooth(
-        poses[:, :2],
-        headings=(0.0, 0.0),
-        wavelength_m=15.0,
-        clearances_m=np.full(len(poses), 1.2),
-        terrain=terrain(p),
-        body=BODY,
-    )
+    found = smoothed(poses[:, :2], terrain(p), wavelength_m=15.0, clearance_m=1.2)
     clearance = found[80:-80, 1].min() - 0.93 - 18.5
     assert 0.85 * 1.2 < clearance < 1.2

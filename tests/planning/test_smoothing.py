@@ -1,26 +1,13 @@
 import numpy as np
 import pytest
+from planning.terrains import BODY, LANE_CHANGE, terrain
 
 from wzsumo.frames import FloatArray
-from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
 from wzsumo.planning import smoothing
-from wzsumo.planning.footprint import outline_body
 from wzsumo.planning.lattice import poses_along
 from wzsumo.planning.path_check import cost_along
-from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.smoothing import smoothed_poses
-from wzsumo.planning.terrain import Terrain, terrain_of
-from wzsumo.vehicle import VehicleGeometry
-
-BODY = outline_body(VehicleGeometry())
-LANE_CHANGE = np.array([(20.0, 0.0), (15.0, 0.017), (15.0, -0.017), (20.0, 0.0)])
-
-
-def terrain(p_occupied: FloatArray | None = None) -> Terrain:
-    p = np.zeros((160, 400)) if p_occupied is None else p_occupied
-    grid = OccupancyGrid(p_occupied=p.astype(np.float32), resolution=0.25, origin=(0.0, 0.0))
-    return terrain_of(grid, body=BODY, spec=PlannerSpec(), reach_m=3.0)
 
 
 def test_smoothed_poses_keep_both_end_poses_and_the_limits_of_curvature() -> None:

@@ -4,27 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from builders import paper_layout, paper_road, paper_work_zone, two_lane_road
+from builders import by_turns_layout, interior_layout, paper_layout, paper_road, paper_work_zone
 
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.road import Profile
 from wzsumo.simulation.edges import edges_of, gap_between, opposing_edges_of, passable_end, remnant_end, width_at
 from wzsumo.work_zone import OpenLane
 
-UNSHIFTED = {"shift_ft": 0, "shifted_lane_width_ft": None}
-PAPER = paper_layout()
-INTERIOR = lay_out(paper_work_zone(closed_lanes=(1,), **UNSHIFTED), paper_road())
-BY_TURNS = lay_out(
-    paper_work_zone(
-        posted_speed_mph=45,
-        road_type="rural",
-        closed_lanes=(0,),
-        closed_shoulder="right",
-        **UNSHIFTED,
-        one_lane_two_way="signal",
-    ),
-    two_lane_road(),
-)
+PAPER, INTERIOR, BY_TURNS = paper_layout(), interior_layout(), by_turns_layout()
 
 
 def test_closing_lane_is_passable_to_8_ft_and_its_remnant_goes_on_to_1_m_25() -> None:
@@ -108,7 +95,10 @@ def test_opposing_edges_end_at_the_stop_lines_and_are_listed_as_they_are_driven(
 
 
 def test_opposing_lanes_are_in_the_order_from_the_right_of_their_drivers() -> None:
-    layout = lay_out(paper_work_zone(closed_lanes=(), **UNSHIFTED), paper_road(opposing_lane_count=2, left_shoulder_ft=0))
+    layout = lay_out(
+        paper_work_zone(closed_lanes=(), shift_ft=0, shifted_lane_width_ft=None),
+        paper_road(opposing_lane_count=2, left_shoulder_ft=0),
+    )
     (edge,) = opposing_edges_of(layout)
     assert [lane.index for lane in edge.lanes] == [4, 3]
     assert (edge.start, edge.end) == (0.0, layout.road.length)

@@ -12,7 +12,6 @@ from wzsumo.mutcd.layout import lay_out
 from wzsumo.road import RoadSpec
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.network import write_network
-from wzsumo.units import METRES_PER_FOOT
 from wzsumo.work_zone import WorkZoneLayout
 
 ASTRIDE_M = 1.6  # from the middle of the open lane: a car 1.85 m wide then reaches 0.7 m over the line
@@ -80,7 +79,7 @@ def test_car_that_finds_no_gap_waits_astride_the_line_of_a_closing_lane_before_i
 ) -> None:
     layout = closing_layout((2,), "left")
     outlines = outlines_of_one_astride(layout, tmp_path)
-    over_the_line_m = shapely.bounds(outlines)[:, 3] - 24 * METRES_PER_FOOT
+    over_the_line_m = shapely.bounds(outlines)[:, 3] - 24 * 0.3048
     assert over_the_line_m.min() > 0.4
     assert shapely.bounds(outlines)[-1, 2] > layout.area("merging taper").start + 0.6 * layout.area("merging taper").length
     assert not shapely.intersects(layout.closed_area, outlines).any()

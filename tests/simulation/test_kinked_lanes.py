@@ -8,7 +8,6 @@ from sumo_runs import driven, outlines_in
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.network import write_network
-from wzsumo.units import METRES_PER_FOOT
 from wzsumo.work_zone import WorkZone
 
 TRUCK_M, TRUCK_WIDTH_M = 12.0, 2.5
@@ -31,5 +30,5 @@ def test_truck_that_keeps_to_one_side_of_a_lane_that_turns_by_one_in_ten_cuts_no
     )
     outlines = outlines_in(rows, length=TRUCK_M, width=TRUCK_WIDTH_M)
     assert shapely.bounds(outlines)[-1, 0] > layout.end
-    assert shapely.bounds(outlines)[:, 1].max() > 12 * METRES_PER_FOOT  # over to the other direction's lane
+    assert shapely.bounds(outlines)[:, 1].max() > 12 * 0.3048  # over to the other direction's lane
     assert not shapely.intersects(layout.closed_area, outlines).any()

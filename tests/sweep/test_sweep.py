@@ -11,7 +11,6 @@ from sweep_trials import FLEET, AtOnce, a_study, evaluate_cases, simulate, sweep
 from wzsumo.errors import InputError, OutputError
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.sweep import agenda as engine
-from wzsumo.sweep.agenda import BATCH, SMALLEST_BATCH
 from wzsumo.sweep.evaluation.study_case import StudyCase
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study
@@ -39,7 +38,7 @@ def test_cases_of_one_crowd_go_to_one_task_and_a_task_holds_about_a_batch(tmp_pa
     study, workers = a_study(methods=("swept", "lanes", "paper"), crowd__used=list(range(1, 26))), AtOnce()
     sweep(study, tmp_path, workers)
     batches = [args[1] for name, args in workers.started if name == "evaluate_cases"]
-    assert all(len(batch) < BATCH + 3 for batch in batches)
+    assert all(len(batch) < 32 + 3 for batch in batches)
     crowds = [{case.source for case in batch} for batch in batches]
     assert sum(map(len, crowds)) == len(set().union(*crowds)) == 25
 
@@ -50,8 +49,8 @@ def test_last_tasks_are_small_so_that_no_worker_waits_long_for_another(tmp_path:
     sizes = [len(args[1]) for name, args in workers.started if name == "evaluate_cases"]
     assert sum(sizes) == 120
     assert sizes == sorted(sizes, reverse=True)
-    assert max(sizes) > 2 * SMALLEST_BATCH
-    assert sum(sizes[-3:]) <= 3 * SMALLEST_BATCH
+    assert max(sizes) > 2 * 4
+    assert sum(sizes[-3:]) <= 3 * 4
 
 
 def test_next_fleet_is_simulated_while_cases_of_the_one_before_are_left(tmp_path: Path) -> None:

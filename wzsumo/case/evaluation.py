@@ -9,7 +9,7 @@ from wzsumo.case.assessment import assess, goal_figures, lidar_figures
 from wzsumo.case.closed_loop import Drive, drive_path
 from wzsumo.case.crowd import Crowd
 from wzsumo.case.lidar_baseline import LidarBaseline
-from wzsumo.case.map_method import MapMethod
+from wzsumo.case.map_method import CrowdMethod, MapMethod
 from wzsumo.case.methods import map_of_before
 from wzsumo.case.plans import plan_for
 from wzsumo.case.replanning import NewMap
@@ -51,7 +51,7 @@ def evaluate(
     """
     zone, crowd = sources.zone, method.crowd_of(sources)
     with watch.timing(f"map {method.name}"):
-        grid = grid or method.map_of_zone(sources, scenario=scenario, site=site)
+        grid = grid or method.map_of_zone(sources)
     plan = first_plan(method, grid, scenario=scenario, site=site, crowd=crowd)
     with watch.timing(f"drive {method.name}"):
         maps = new_maps(method, sources, scenario=scenario, site=site) if drives else ()
@@ -100,14 +100,15 @@ def first_plan(method: MapMethod, grid: OccupancyGrid, *, scenario: Scenario, si
 
 
 def new_maps(method: MapMethod, sources: Sources, *, scenario: Scenario, site: Site) -> tuple[NewMap, ...]:
-    """The method's maps that reach the ego on its way, each with the function that plans on it."""
-    return tuple(
-        NewMap(
-            after_s=arriving.after_s,
-            plan=partial(_plan_from, method=method, grid=arriving.grid, scenario=scenario, site=site, crowd=arriving.crowd),
-        )
-        for arriving in method.arriving_maps(sources, scenario=scenario, site=site)
-    )
+    """The maps of larger crowds that reach the ego on its way, each with the function that plans on it."""
+    if scenario.map_updates is None or not isinstance(method, CrowdMethod):
+        return ()
+    found = []
+    for arriving in sources.arriving(scenario.map_updates.arrivals):
+        grid = method.map_of_crowd(arriving.crowd, scenario=scenario, site=site)
+        plan = partial(_plan_from, method=method, grid=grid, scenario=scenario, site=site, crowd=arriving.crowd)
+        found.append(NewMap(after_s=arriving.after_s, plan=plan))
+    return tuple(found)
 
 
 def _plan_from(start: Pose, *, method: MapMethod, grid: OccupancyGrid, scenario: Scenario, site: Site, crowd: Crowd) -> Plan:

@@ -46,15 +46,6 @@ class MapTask:
     tell: Tell = lambda _share: None  # called with the share of the work that is done
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ArrivingMap:
-    """A map that reaches the ego while it drives, and the crowd that it is made of."""
-
-    after_s: float  # since the ego entered the road
-    crowd: Crowd
-    grid: OccupancyGrid
-
-
 class MadeMap(NamedTuple):
     """A map, and figures of what its method learned."""
 
@@ -74,22 +65,12 @@ class MapMethod(ABC):
     joins_road: ClassVar[bool] = False  # whether it joins what traces say to the road from before the zone
 
     @abstractmethod
-    def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:
+    def map_of_zone(self, sources: Sources) -> OccupancyGrid:
         """The map over the site's cells."""
 
     def crowd_of(self, sources: Sources) -> Crowd | None:  # noqa: ARG002 - methods of the crowd look at the sources
         """The crowd that the map is made of, None where it is made of something else."""
         return None
-
-    def arriving_maps(
-        self,
-        sources: Sources,  # noqa: ARG002 - methods of the crowd look at the sources
-        *,
-        scenario: Scenario,  # noqa: ARG002
-        site: Site,  # noqa: ARG002
-    ) -> tuple[ArrivingMap, ...]:
-        """The maps that reach the ego while it drives, in order of time; none unless they are made of traces."""
-        return ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,26 +79,13 @@ class CrowdMethod(MapMethod):
 
     source: ClassVar[Source] = Source.CROWD
 
-    def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:
+    def map_of_zone(self, sources: Sources) -> OccupancyGrid:
         """The map over the site's cells, of the traces that the scenario uses."""
-        return self.map_of_crowd(sources.crowd, scenario=scenario, site=site)
+        return self.map_of_crowd(sources.crowd, scenario=sources.scenario, site=sources.site)
 
     def crowd_of(self, sources: Sources) -> Crowd:
         """The crowd that the map is made of."""
         return sources.crowd
-
-    def arriving_maps(self, sources: Sources, *, scenario: Scenario, site: Site) -> tuple[ArrivingMap, ...]:
-        """The maps of the larger crowds of `scenario.map_updates`, in order of time."""
-        if scenario.map_updates is None:
-            return ()
-        return tuple(
-            ArrivingMap(
-                after_s=arriving.after_s,
-                crowd=arriving.crowd,
-                grid=self.map_of_crowd(arriving.crowd, scenario=scenario, site=site),
-            )
-            for arriving in sources.arriving(scenario.map_updates.arrivals)
-        )
 
     def map_of_crowd(self, crowd: Crowd, *, scenario: Scenario, site: Site) -> OccupancyGrid:
         """The map over the site's cells, of any crowd."""
@@ -186,9 +154,9 @@ class LidarMethod(MapMethod):
     form: Callable[[SlamMaps], OccupancyGrid]
     source: ClassVar[Source] = Source.LIDAR
 
-    def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:  # noqa: ARG002 - one signature for all
+    def map_of_zone(self, sources: Sources) -> OccupancyGrid:
         """The map over the site's cells."""
-        seen = self.form(sources.lidar.maps)
+        seen, site = self.form(sources.lidar.maps), sources.site
         known = np.where(site.nominal, 0.0, np.where(_pavement_before(site), seen.p_occupied, 1.0))
         return seen.with_p_occupied(known)
 
@@ -200,9 +168,9 @@ class MapBeforeMethod(MapMethod):
     make: Callable[[Site], OccupancyGrid]
     source: ClassVar[Source] = Source.MAP_BEFORE
 
-    def map_of_zone(self, sources: Sources, *, scenario: Scenario, site: Site) -> OccupancyGrid:  # noqa: ARG002 - one signature for all
+    def map_of_zone(self, sources: Sources) -> OccupancyGrid:
         """The map over the site's cells."""
-        return self.make(site)
+        return self.make(sources.site)
 
 
 def _pavement_before(site: Site) -> BoolArray:

@@ -19,7 +19,7 @@ def fitted(offsets: FloatArray, *, bias_effect: FloatArray | None = None) -> Com
 
 
 def family(n: int, *, seed: int, bias_sd: float, merging: float = 0.4) -> tuple[FloatArray, BoolArray]:
-    """(offsets, who merged): traces of one course; some merge by a lane to the right between stations 10 and 40."""
+    """(offsets, whether each merged): traces of one course; some merge by a lane to the right between stations 10 and 40."""
     random = np.random.default_rng(seed)
     rows, merged = [], []
     for _ in range(n):
