@@ -13,14 +13,14 @@ from wzsumo.scenario.scenario import Scenario
 from wzsumo.spec import read_toml
 from wzsumo.sweep.evaluation.study_case import StudyCase
 from wzsumo.sweep.study_file import Study, study_of
-from wzsumo.sweep.sweep import Advance, SweepSummary, run_sweep
+from wzsumo.sweep.sweep import AddFinished, SweepSummary, run_sweep
 
 PAPER = Path(__file__).parents[1] / "scenarios" / "paper.toml"
 FLEET = parquet_bytes(pa.table({"x_m": [1.0]}))
 
 
 def simulate(scenario: Scenario) -> bytes:
-    """What stands for a simulation where the engine is tested."""
+    """What stands for a simulation in the tests of sweeps."""
     del scenario
     return FLEET
 
@@ -72,7 +72,7 @@ class AtOnce:
 
 
 @contextmanager
-def no_progress(finished: int, total: int) -> Iterator[Advance]:
+def no_progress(finished: int, total: int) -> Iterator[AddFinished]:
     del finished, total
     yield lambda _count: None
 

@@ -8,7 +8,7 @@ from sweep_trials import PAPER, AtOnce, a_study, evaluate_cases, simulate, sweep
 
 from wzsumo.cli import main
 from wzsumo.commands import sweep as sweep_verbs
-from wzsumo.sweep import agenda as engine
+from wzsumo.sweep import task_queue as engine
 from wzsumo.sweep.estimate import estimate
 
 

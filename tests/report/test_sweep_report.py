@@ -10,7 +10,7 @@ from sweep_trials import FLEET, a_study, sweep
 
 from wzsumo.errors import InputError
 from wzsumo.report.sweep_report import write_sweep_report
-from wzsumo.sweep import agenda as engine
+from wzsumo.sweep import task_queue as engine
 from wzsumo.sweep.evaluation.study_case import StudyCase
 from wzsumo.sweep.results import read_results
 

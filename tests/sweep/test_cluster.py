@@ -11,7 +11,7 @@ import pytest
 from sweep_trials import a_study, evaluate_cases, simulate, sweep
 
 from wzsumo.errors import InputError
-from wzsumo.sweep import agenda as engine
+from wzsumo.sweep import task_queue as engine
 from wzsumo.sweep.cluster import ClusterWorkers
 from wzsumo.sweep.version import code_version
 
@@ -81,6 +81,6 @@ def test_address_that_is_none_is_refused_with_its_form(address: str) -> None:
 
 
 def test_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wzsumo.sweep.cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("wzsumo.sweep.cluster.CONNECT_TIMEOUT_S", 0.5)
     with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:9: no Dask scheduler answers there"):
         ClusterWorkers("tcp://127.0.0.1:9", version=code_version)

@@ -10,7 +10,7 @@ from sweep_trials import FLEET, AtOnce, a_study, evaluate_cases, simulate, sweep
 
 from wzsumo.errors import InputError, OutputError
 from wzsumo.scenario.scenario import Scenario
-from wzsumo.sweep import agenda as engine
+from wzsumo.sweep import task_queue as engine
 from wzsumo.sweep.evaluation.study_case import StudyCase
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study

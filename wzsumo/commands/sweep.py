@@ -17,7 +17,7 @@ from wzsumo.sweep.cluster import ClusterWorkers
 from wzsumo.sweep.estimate import estimate
 from wzsumo.sweep.results import RESULTS, read_results
 from wzsumo.sweep.study_file import load_study
-from wzsumo.sweep.sweep import Advance, run_sweep
+from wzsumo.sweep.sweep import AddFinished, run_sweep
 from wzsumo.sweep.version import code_version
 from wzsumo.sweep.workers import LocalWorkers
 
@@ -60,7 +60,7 @@ def tell_person(line: str) -> None:
 
 
 @contextmanager
-def case_progress(finished: int, total: int) -> Iterator[Advance]:
+def case_progress(finished: int, total: int) -> Iterator[AddFinished]:
     """A bar with the time left on a terminal, else a line now and then; its value is told of cases as they are finished."""
     if sys.stderr.isatty():
         with tqdm(total=total, initial=finished, desc="cases", unit="case", smoothing=0.1) as bar:

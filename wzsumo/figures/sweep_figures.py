@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from wzsumo.figures.figure_files import ReportFigure, write_planned
 from wzsumo.figures.zone_axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, plain
 from wzsumo.sweep.results import column_of
-from wzsumo.sweep.summary import GOOD_ENOUGH, TRACES, summarise, traces_needed
+from wzsumo.sweep.summary import REQUIRED_SAFE_SHARE, TRACES_FACTOR, summarise, traces_needed
 
 SERIES = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (PURPLE, "D"), (ORANGE, "v"), (SKY_BLUE, "P"))  # Okabe & Ito 2008
 NAMES = {
@@ -22,7 +22,7 @@ NAMES = {
     "iou": "IoU of the map",
     "precision": "precision of the map",
     "recall": "recall of the map",
-    TRACES: "traces used",
+    TRACES_FACTOR: "traces used",
     "gnss.error_m": "GNSS error [m]",
     "crowd.penetration": "share of equipped vehicles",
     "simulation.demand.flow_vph": "flow [veh/h]",
@@ -41,7 +41,7 @@ def write_sweep_figures(table: pd.DataFrame, folder: Path) -> list[ReportFigure]
     numeric = [name for name in table.attrs["factors"] if name != "seed" and pd.api.types.is_numeric_dtype(table[name])]
     seeds = f"n = {table['seed'].nunique()} seeds."
     plans: list[tuple[str, Callable[[], Figure], str, str]] = []
-    along = TRACES if TRACES in numeric else next(iter(numeric), None)
+    along = TRACES_FACTOR if TRACES_FACTOR in numeric else next(iter(numeric), None)
     others = [name for name in numeric if name != along]
     series = "gnss.error_m" if "gnss.error_m" in others else next(iter(others), None)
     if along:
@@ -49,10 +49,10 @@ def write_sweep_figures(table: pd.DataFrame, folder: Path) -> list[ReportFigure]
         plans.append(
             ("quality", partial(draw_quality, table, along=along, series=series), title, f"Mean and 95 % interval. {seeds}")
         )
-    if TRACES in numeric and {"crowd.penetration", "simulation.demand.flow_vph"} & set(numeric):
+    if TRACES_FACTOR in numeric and {"crowd.penetration", "simulation.demand.flow_vph"} & set(numeric):
         caption = (
             f"Mean time from the first vehicle's leaving the zone until so many traces have come in as give a safe plan in "
-            f"{GOOD_ENOUGH:.0%} of the cases, with that number and every larger one of the study. A cross at the top: "
+            f"{REQUIRED_SAFE_SHARE:.0%} of the cases, with that number and every larger one of the study. A cross at the top: "
             f"never, or not within the simulated time. {seeds}"
         )
         plans.append(("minutes", partial(draw_minutes, table), "Minutes until the map is good enough", caption))

@@ -11,7 +11,7 @@ from wzsumo.files.output import write_whole
 from wzsumo.report.page import embedded, page_template
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study
-from wzsumo.sweep.summary import GOOD_ENOUGH, TRACES, compare, summarise, traces_needed, write_table
+from wzsumo.sweep.summary import REQUIRED_SAFE_SHARE, TRACES_FACTOR, compare, summarise, traces_needed, write_table
 from wzsumo.sweep.version import code_version
 
 MAX_CASE_ROWS = 2000  # on a page; results.parquet holds all cases
@@ -52,7 +52,7 @@ def write_sweep_report(folder: Path) -> Path:
 
 def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
     """Sentences that answer the study, a method each."""
-    takes_traces = ~table["method"].map(is_baseline).astype(bool) & (TRACES in factors)
+    takes_traces = ~table["method"].map(is_baseline).astype(bool) & (TRACES_FACTOR in factors)
     lines = _traces_answers(table, factors) if takes_traces.any() else []
     if takes_traces.all():
         return lines
@@ -64,23 +64,20 @@ def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
 
 def _traces_answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
     errors = ["gnss.error_m"] if "gnss.error_m" in factors else []
+    required = f"{REQUIRED_SAFE_SHARE:.0%}"
     lines = []
     for row in traces_needed(table, by=["method", *errors]).to_dict("records"):
         at = f" at a GNSS error of {row['gnss.error_m']:g} m" if errors else ""
         n, best, share = f"n = {row['n_seeds']:.0f} seeds", f"{row['best_traces']:.0f} trace(s)", f"{row['best_share']:.0%}"
         if not pd.isna(row["traces"]):
             text = (
-                f"{row['traces']:.0f} trace(s) give a safe plan in {GOOD_ENOUGH:.0%} of the cases, {n}; "
+                f"{row['traces']:.0f} trace(s) give a safe plan in {required} of the cases, {n}; "
                 f"so many came in after {row['minutes']:.1f} min on average."
             )
-        elif row["best_share"] >= GOOD_ENOUGH:
-            text = (
-                f"{best} give a safe plan in {share} of the cases, {n}, but some larger number in fewer than {GOOD_ENOUGH:.0%}."
-            )
+        elif row["best_share"] >= REQUIRED_SAFE_SHARE:
+            text = f"{best} give a safe plan in {share} of the cases, {n}, but some larger number in fewer than {required}."
         else:
-            text = (
-                f"no number of traces gives a safe plan in {GOOD_ENOUGH:.0%} of the cases; {best} come nearest: {share}, {n}."
-            )
+            text = f"no number of traces gives a safe plan in {required} of the cases; {best} come nearest: {share}, {n}."
         lines.append(f"{row['method']}{at}: {text}")
     return lines
 

@@ -1,1 +1,1 @@
-"""Studies: their cases, the workers that carry them out, the store, the summary."""
+"""Studies: their cases, the workers that run them, the store of results, the statistics."""

@@ -1,4 +1,4 @@
-"""ClusterWorkers: the workers of a Dask cluster that runs already, used as those of this machine are (see `workers`)."""
+"""ClusterWorkers: the workers of a running Dask cluster, with the same interface as LocalWorkers (see `workers`)."""
 
 import re
 import threading
@@ -10,11 +10,11 @@ from typing import Any, Self
 from wzsumo.errors import InputError
 from wzsumo.sweep.workers import TaskLost
 
-CONNECT_S = 15.0  # a scheduler that has not answered by then does not
+CONNECT_TIMEOUT_S = 15.0
 
 
 class ClusterWorkers:
-    """The workers of a Dask cluster that runs already, by its scheduler's address."""
+    """The workers of the running Dask cluster whose scheduler has this address."""
 
     def __init__(self, address: str, *, version: Callable[[], str]) -> None:
         if not re.fullmatch(r"(\w+://)?[^:/\s]+:\d+", address):
@@ -26,36 +26,37 @@ class ClusterWorkers:
                 f"--scheduler {address}: the package distributed is missing; pip install 'wzsumo[cluster]'"
             ) from None
         try:
-            self._client = Client(address, timeout=CONNECT_S, set_as_default=False)
+            self._client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
         except (OSError, ValueError) as error:
             raise InputError(
                 f"--scheduler {address}: no Dask scheduler answers there ({error}); give the address that `dask scheduler` "
                 "prints, such as tcp://10.0.0.1:8786"
             ) from None
-        self._refuse_unfit_workers(address, version)
+        self._check_workers(address, version)
         self.count = sum(self._client.nthreads().values())
 
-    def _refuse_unfit_workers(self, address: str, version: Callable[[], str]) -> None:
+    def _check_workers(self, address: str, version: Callable[[], str]) -> None:
         if not self._client.nthreads():
             self._client.close()
             raise InputError(f"--scheduler {address}: the cluster has no workers; start some: dask worker {address}")
-        others = {worker: theirs for worker, theirs in self._client.run(version).items() if theirs != version()}
-        if others:
+        other_versions = {worker: its for worker, its in self._client.run(version).items() if its != version()}
+        if other_versions:
             self._client.close()
-            worker, theirs = next(iter(others.items()))
+            worker, its_version = next(iter(other_versions.items()))
             raise InputError(
-                f"--scheduler {address}: worker {worker} has wzsumo {theirs}, this is {version()}; install the same everywhere"
+                f"--scheduler {address}: worker {worker} has wzsumo {its_version}, this is {version()}; install the same "
+                "everywhere"
             )
 
     def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
-        """The future result of `function(*args)` on some worker, lost after `limit_s` seconds."""
+        """The future result of `function(*args)` on one of the workers; TaskLost after `limit_s` seconds."""
         future: Future[Any] = Future()
-        theirs = self._client.submit(function, *args, pure=False, retries=0)
-        timer = threading.Timer(limit_s, lambda: theirs.cancel(force=True))
+        on_cluster = self._client.submit(function, *args, pure=False, retries=0)
+        timer = threading.Timer(limit_s, lambda: on_cluster.cancel(force=True))
         timer.daemon = True
         timer.start()
 
-        def settle(done: Any) -> None:
+        def copy_result(done: Any) -> None:
             timer.cancel()
             if done.status == "finished":
                 future.set_result(done.result())
@@ -64,7 +65,7 @@ class ClusterWorkers:
             else:
                 future.set_exception(TaskLost(f"took longer than {limit_s:.0f} s and was cancelled, or its worker was lost"))
 
-        theirs.add_done_callback(settle)
+        on_cluster.add_done_callback(copy_result)
         return future
 
     def __enter__(self) -> Self:

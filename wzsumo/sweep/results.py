@@ -1,4 +1,4 @@
-"""The table of a study: one row a case. What its columns are, how it is written, how it is read."""
+"""The result table of a study, one row per case: its columns, writing and reading."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,60 +39,76 @@ def _number(unit: str, meaning: str) -> Column:
 
 
 CASE_COLUMNS = {
-    "case": _text("name of the case, a hash of all that decides it; `wzsumo run DIR --case NAME` runs it alone"),
-    "simulation": _text("name of the simulation of the fleet; cases of one are paired"),
+    "case": _text("name of the case, a hash of everything that decides its result; `wzsumo run DIR --case NAME` runs it alone"),
+    "simulation": _text("name of the simulation of the fleet; cases of one simulation are paired"),
     "scenario": _text("name of the base scenario"),
-    "method": _text("how the traces become a map"),
+    "method": _text("map method"),
     "seed": _count("seed of the case, which decides its simulation too"),
 }
 MEASURED_COLUMNS = {
-    "status": _text("DONE, REFUSED (the case cannot be, see reason) or FAILED (it was lost twice, see reason)"),
-    "reason": _text("why it was refused, failed, found no path or ended short of the goal; else empty"),
-    "outcome": _text("how the drive ended; NO_PATH where there was none to drive; empty where nothing was driven"),
+    "status": _text("DONE, REFUSED (the case is impossible, see reason) or FAILED (its task failed twice, see reason)"),
+    "reason": _text("why the case was refused or failed, found no path or ended short of the goal; else empty"),
+    "outcome": _text("how the drive ended; NO_PATH where no path was found; empty where the study does not drive"),
     "plan_status": _text("how planning ended"),
     "safe_plan": Column(
-        type=pa.bool_(), unit="", meaning="a path was found whose outline touches no device, no edge and not the closed area"
+        type=pa.bool_(),
+        unit="",
+        meaning="a path was found on which the outline touches no device, no pavement edge and not the closed area",
     ),
-    "precision": _number("1", "of the cells said to be free, the share that is drivable"),
-    "recall": _number("1", "of the drivable cells, the share said to be free"),
-    "iou": _number("1", "intersection over union of the two"),
-    "n_fragments": _count("pieces of the free area"),
-    "planned_min_clearance_devices_m": _number("m", "planned path: outline to the nearest device's"),
-    "planned_min_clearance_road_edge_m": _number("m", "planned path: outline to the nearer edge of the pavement"),
+    "precision": _number("1", "share of the free cells that is drivable"),
+    "recall": _number("1", "share of the drivable cells that is free"),
+    "iou": _number("1", "intersection over union of the free and the drivable cells"),
+    "n_fragments": _count("connected pieces of the free area"),
+    "planned_min_clearance_devices_m": _number(
+        "m", "planned path: smallest distance from the ego's outline to a device's outline"
+    ),
+    "planned_min_clearance_road_edge_m": _number(
+        "m", "planned path: smallest distance from the ego's outline to an edge of the pavement"
+    ),
     "planned_closed_area_share": _number("1", "planned path: share of its length in the closed area"),
-    "driven_min_clearance_devices_m": _number("m", "driven path: outline to the nearest device's"),
-    "driven_min_clearance_road_edge_m": _number("m", "driven path: outline to the nearer edge of the pavement"),
+    "driven_min_clearance_devices_m": _number(
+        "m", "driven path: smallest distance from the ego's outline to a device's outline"
+    ),
+    "driven_min_clearance_road_edge_m": _number(
+        "m", "driven path: smallest distance from the ego's outline to an edge of the pavement"
+    ),
     "driven_closed_area_share": _number("1", "driven path: share of its length in the closed area"),
-    "driven_min_ttc_s": _number("s", "drive: least time to collision with any vehicle, the road laid straight"),
-    "driven_max_drac_mps2": _number("m/s2", "drive: largest deceleration that avoids a crash, the ego's or the other's"),
-    "driven_min_pet_s": _number("s", "drive: least post-encroachment time"),
+    "driven_min_ttc_s": _number("s", "drive: smallest time to collision with any vehicle, in stations and offsets"),
+    "driven_max_drac_mps2": _number(
+        "m/s2", "drive: largest deceleration rate to avoid a crash, of the ego or of the other vehicle"
+    ),
+    "driven_min_pet_s": _number("s", "drive: smallest post-encroachment time"),
     "driven_max_braking_mps2": _number("m/s2", "drive: hardest braking of the ego"),
     "driven_max_jerk_mps3": _number("m/s3", "drive: largest jerk along the path"),
     "driven_mean_speed_mps": _number("m/s", "drive: mean speed"),
-    "driven_delay_behind_s": _number("s", "drive: delay of all vehicles behind the ego together, against the road without it"),
-    "plan_speed_mps": _number(
-        "m/s", "speed that the plan's curvature is made for: the planned one, or less where no way is else"
+    "driven_delay_behind_s": _number(
+        "s", "drive: total delay of all vehicles behind the ego, against the same traffic without the ego"
     ),
-    "n_replans": _count("maps that reached the ego on the way, on each of which it planned anew"),
-    "drive_time_s": _number("s", "time from entering to the end of the drive"),
-    "max_cross_track_m": _number("m", "largest distance of the driven from the planned path"),
+    "plan_speed_mps": _number(
+        "m/s", "speed for which the path's curvature is planned: the planned speed, or a lower one where there is no other path"
+    ),
+    "n_replans": _count("maps that reached the ego while it drove; it planned again on each"),
+    "drive_time_s": _number("s", "time from entering the road to the end of the drive"),
+    "max_cross_track_m": _number("m", "largest distance between the driven and the planned path"),
     "path_length_m": _number("m", "length of the planned path"),
-    "plan_risk_m": _number("m", "integral along the planned path of the largest p_occupied under the outline"),
-    "n_expansions": _count("states that the search tried"),
+    "plan_risk_m": _number("m", "integral along the planned path of the largest p_occupied under the ego's outline"),
+    "n_expansions": _count("states that the search expanded"),
     "n_traces": _count("traces that the map is made of"),
     "n_components": _count("components of the chosen mixture"),
     "n_equipped": _count("equipped vehicles that passed the zone"),
     "minutes_to_collect": _number(
-        "min", "from the first vehicle's leaving the zone to that of as many equipped ones as are used"
+        "min", "time between the first vehicle that leaves the zone and the last equipped vehicle whose trace is used"
     ),
-    "slam_ate_m": _number("m", "LiDAR drive: root mean square error of where the car took itself to be"),
-    "slam_dead_reckoning_ate_m": _number("m", "the same without the LiDAR"),
-    "slam_n_devices_mapped": _count("LiDAR drive: devices that the map has"),
+    "slam_ate_m": _number("m", "LiDAR drive: root mean square of the position error"),
+    "slam_dead_reckoning_ate_m": _number(
+        "m", "LiDAR drive: root mean square of the position error by dead reckoning, without the LiDAR"
+    ),
+    "slam_n_devices_mapped": _count("LiDAR drive: devices on the map"),
     "slam_n_links": _count("LiDAR drive: gaps between devices that the map closes"),
     "fleet_n_passed": _count("vehicles that passed the zone from end to end"),
     "fleet_mean_speed_activity_mps": _number("m/s", "mean speed of the fleet in the activity area"),
     "fleet_throughput_vph": _number("veh/h", "flow past the middle of the activity area, after the warm-up"),
-    "fleet_mean_delay_s": _number("s", "mean delay of the vehicles that came through, departure delay included"),
+    "fleet_mean_delay_s": _number("s", "mean delay of the vehicles that arrived, departure delay included"),
     "fleet_max_queue_length_m": _number("m", "longest queue"),
     "fleet_n_hard_braking": _count("vehicles that braked hard"),
 }
@@ -102,7 +118,7 @@ BATCH_SCHEMA = pa.schema(
 
 
 def write_results(folder: Path, cases: Sequence[StudyCase], rows: Mapping[str, Mapping[str, Any]]) -> Path:
-    """The path of results.parquet, with a row for each of the cases that `rows` has, in the order of the study."""
+    """The path of results.parquet, written with a row for each case that `rows` has, in the order of the study."""
     known = [case for case in cases if case.id in rows]
     columns: dict[str, pa.Array] = {
         "case": pa.array([case.id for case in known], pa.string()),
@@ -127,9 +143,9 @@ def write_results(folder: Path, cases: Sequence[StudyCase], rows: Mapping[str, M
 
 
 def read_results(folder: Path | str) -> pd.DataFrame:
-    """The table of a study's result folder, one row a case; `attrs["factors"]` names the columns that the study varies.
+    """The table of a study's result folder, one row per case; `attrs["factors"]` names the columns that the study varies.
 
-    Raises InputError where there is none, or where it is damaged.
+    Raises InputError where the folder holds no table, or a damaged one.
 
     >>> table = read_results("results/how_many_traces")         # doctest: +SKIP
     >>> table.groupby(["method", "crowd.used"])["iou"].mean()   # doctest: +SKIP
@@ -167,7 +183,7 @@ def _factor_column(name: str) -> Column:
 
 
 def _unit_in(key: str) -> str:
-    """The unit that a key ends in."""
+    """The unit that a key names at its end, "" where it names none."""
     units = {
         "m": "m",
         "s": "s",

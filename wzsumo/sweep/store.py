@@ -1,11 +1,12 @@
-"""ResultStore: what a study has finished, in its result folder, where it outlives whatever ends the study.
+"""ResultStore: the result folder of a study. It keeps what is finished, even where the sweep is killed.
 
     study.json               the study and its scenarios in full
-    batches/HASH.parquet     results as they came in
-    simulations/NAME.HASH.parquet  traces of simulated fleets, to be used again; the oldest go when all are too large
-    results.parquet          the table, written anew at each end of a sweep
+    batches/HASH.parquet     rows of finished cases, one file per task
+    simulations/NAME.HASH.parquet  traces of simulated fleets, which later cases use; the oldest are deleted above a size limit
+    results.parquet          the table, written again at the end of each sweep
 
-A file appears whole, and HASH is that of its bytes: one that was cut short or changed is told of, put aside and made again.
+Every file is written completely or not at all. HASH is the hash of its bytes: a file that does not match it is reported,
+renamed, and what it held is computed again.
 """
 
 import fcntl
@@ -25,12 +26,12 @@ from wzsumo.files.output import UNFINISHED, parquet_bytes, write_whole
 from wzsumo.sweep.results import BATCH_SCHEMA
 from wzsumo.sweep.study_file import Study, study_of
 
-FORMAT = 1  # of the folder
+FORMAT = 1  # version of the folder's layout
 MANIFEST = "study.json"
 
 
 class ResultStore:
-    """The folder of one study. Made by `open_store`; `tell` is told of what was found damaged."""
+    """The folder of one study. `open_store` makes it; `tell` is called with a message for each damaged file."""
 
     def __init__(self, folder: Path, *, tell: Callable[[str], None], cache_limit_mb: float) -> None:
         self._folder = folder
@@ -38,10 +39,10 @@ class ResultStore:
         self._cache_limit_mb = cache_limit_mb
 
     def finished(self) -> dict[str, dict[str, Any]]:
-        """The rows of all batches by the name of their case."""
+        """The rows of all finished cases, by the name of the case."""
         rows: dict[str, dict[str, Any]] = {}
         for path in sorted((self._folder / "batches").glob("*.parquet")):
-            if (content := self._intact(path)) is not None:
+            if (content := self._read_intact(path)) is not None:
                 rows |= {row["case"]: row for row in pq.read_table(io.BytesIO(content)).to_pylist()}
         return rows
 
@@ -51,19 +52,19 @@ class ResultStore:
         write_whole(self._folder / "batches" / f"{_hash(content)}.parquet", content)
 
     def simulated(self, simulation: str) -> bytes | None:
-        """The file of a simulated fleet, None where it must be simulated."""
+        """The content of a simulated fleet's file, None where the fleet must be simulated."""
         for path in (self._folder / "simulations").glob(f"{simulation}.*.parquet"):
-            if (content := self._intact(path)) is not None:
-                path.touch()  # the cache drops what was used longest ago
+            if (content := self._read_intact(path)) is not None:
+                path.touch()  # `trim` deletes the files that were used longest ago
                 return content
         return None
 
     def add_simulated(self, simulation: str, content: bytes) -> None:
-        """Keep a simulated fleet, as long as there is room."""
+        """Keep a simulated fleet until `trim` needs its room."""
         write_whole(self._folder / "simulations" / f"{simulation}.{_hash(content)}.parquet", content)
 
     def trim(self, *, keep: set[str]) -> None:
-        """Drop the fleets used longest ago, but those in `keep`, until all take no more than the limit."""
+        """Delete fleets that are not in `keep`, those used longest ago first, until all together are within the size limit."""
         files = sorted((self._folder / "simulations").glob("*.parquet"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
         room = self._cache_limit_mb * 1e6
         for path in files:
@@ -71,21 +72,22 @@ class ResultStore:
             if room < 0 and path.name.split(".")[0] not in keep:
                 path.unlink()
 
-    def _intact(self, path: Path) -> bytes | None:
+    def _read_intact(self, path: Path) -> bytes | None:
+        """The content of a file; None, after renaming it, where it does not match the hash in its name."""
         content = path.read_bytes()
         if path.name.endswith(f"{_hash(content)}.parquet"):
             return content
-        aside = path.with_suffix(".damaged")
-        path.replace(aside)
-        self._tell(f"{path} is damaged; it is kept as {aside.name}, and what it held is done again")
+        renamed = path.with_suffix(".damaged")
+        path.replace(renamed)
+        self._tell(f"{path} is damaged; it is kept as {renamed.name}, and what it held is done again")
         return None
 
 
 @contextmanager
 def open_store(folder: Path, study: Study, *, tell: Callable[[str], None], cache_limit_mb: float) -> Iterator[ResultStore]:
-    """The store of a study in `folder`, which is made where it is not. One process at a time may have it.
+    """The store of a study in `folder`, which is made if it does not exist. Only one process at a time can open it.
 
-    Raises OutputError where the folder cannot be written to, is in use, or holds something else than this study's results.
+    Raises OutputError where the folder cannot be written to, is in use, or holds anything but this study's results.
     """
     _refuse_foreign(folder, study)
     try:
@@ -96,7 +98,7 @@ def open_store(folder: Path, study: Study, *, tell: Callable[[str], None], cache
         raise OutputError(f"--out {folder}: cannot be written to ({error.strerror}); name a folder you may write to") from None
     with lock:
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the system opens it again however this process ends
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the system releases it however this process ends
         except BlockingIOError:
             raise OutputError(
                 f"--out {folder}: another sweep is writing there; wait for its end or name another folder"

@@ -1,4 +1,4 @@
-"""Study: base scenarios times factors, read from a TOML file and checked as a whole before anything runs."""
+"""Study: scenarios, methods and factors of a TOML file, and the cases that they make; checked before anything runs."""
 
 import itertools
 import json
@@ -21,20 +21,20 @@ Keys = dict[str, Any]  # dotted scenario key -> value
 
 
 class StudySpec(Spec):
-    """What a study file says. Factors are keys of the scenario: `crowd.used`, `gnss.error_m`, `work_zone.posted_speed_mph`."""
+    """The content of a study file. Factors are keys of a scenario, such as `crowd.used` or `work_zone.posted_speed_mph`."""
 
     name: str = Field(min_length=1, pattern=r"^[\w.-]+$")
-    scenarios: tuple[str, ...] = Field(min_length=1)  # files, relative to the study's
+    scenarios: tuple[str, ...] = Field(min_length=1)  # files, relative to the study file
     methods: tuple[str, ...] = Field(min_length=1)
-    drive: bool = False  # whether the ego drives the planned path through the traffic: ten times the cost
-    fixed: dict[str, Any] = Field({})  # what holds in every case
-    grid: dict[str, Any] = Field({})  # factor -> values; every combination is a case. seed = { first = 21, count = 10 } too
-    combinations: tuple[dict[str, Any], ...] = ()  # sets of values that belong together; each meets every point of the grid
+    drive: bool = False  # whether the ego drives its path in the traffic, which takes ten times as long
+    fixed: dict[str, Any] = Field({})  # keys and their values in every case
+    grid: dict[str, Any] = Field({})  # factor -> values, all of which are combined; also seed = { first = 21, count = 10 }
+    combinations: tuple[dict[str, Any], ...] = ()  # sets of values that belong together; each is combined with the whole grid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """A checked study. `content` holds it with its scenarios in full, so that a result folder stands alone."""
+    """A checked study. `content` holds the study file and its scenarios, so that a result folder needs no other file."""
 
     spec: StudySpec
     content: Mapping[str, Any]
@@ -47,7 +47,7 @@ class Study:
 
     @cached_property
     def simulations(self) -> dict[str, list[StudyCase]]:
-        """The cases by the simulation that they share."""
+        """The cases of each simulation."""
         groups: dict[str, list[StudyCase]] = {}
         for case in self.cases:
             groups.setdefault(case.simulation, []).append(case)
@@ -55,7 +55,7 @@ class Study:
 
 
 def load_study(path: Path) -> Study:
-    """The study of a TOML file. Raises SpecError that names every mistake: file, key, value, rule."""
+    """The study of a TOML file. Raises SpecError with file, key, value and rule of every mistake."""
     content = read_toml(path)
     spec = parse_spec(StudySpec, content, source=str(path))
     bases = {name: load_scenario(path.parent / name).model_dump(mode="json") for name in spec.scenarios}
@@ -78,7 +78,7 @@ def study_of(content: Mapping[str, Any], *, source: str) -> Study:
 
 
 def find_case(study: Study, name: str) -> StudyCase:
-    """The case of a study whose name begins with `name`. Raises SpecError where none or several do."""
+    """The case of a study whose name begins with `name`. Raises SpecError where no name or several names do."""
     found = [case for case in study.cases if case.id.startswith(name)] if name else []
     if len(found) == 1:
         return found[0]
@@ -90,7 +90,7 @@ def find_case(study: Study, name: str) -> StudyCase:
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> Keys:
-    """TOML reads `crowd.used = 5` as a table in a table: the dotted keys again."""
+    """The dotted keys of nested tables, since TOML reads `crowd.used = 5` as a table in a table."""
     flat: Keys = {}
     for key, value in table.items():
         flat |= _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else {prefix + key: value}
@@ -116,7 +116,7 @@ def _wrong_factors(fixed: Keys, grid: Keys, combinations: list[Keys]) -> list[st
         elif len({json.dumps(value) for value in values}) < len(values):
             mistakes.append(f"grid.{key}={values}: a value is there twice; give each once")
     named = [("fixed", fixed), ("grid", grid), *((f"combinations[{n}]", entry) for n, entry in enumerate(combinations))]
-    mistakes += [f"{where}.{key}: {wrong}" for where, keys in named for key in keys if (wrong := _unknown(key))]
+    mistakes += [f"{where}.{key}: {wrong}" for where, keys in named for key in keys if (wrong := _unknown_key(key))]
     for key, count in Counter([*fixed, *grid, *{key for entry in combinations for key in entry}]).items():
         if count > 1:
             mistakes.append(f"{key}: given in more than one of fixed, grid and combinations; give it in one")
@@ -125,7 +125,8 @@ def _wrong_factors(fixed: Keys, grid: Keys, combinations: list[Keys]) -> list[st
     return mistakes
 
 
-def _unknown(key: str) -> str:
+def _unknown_key(key: str) -> str:
+    """Why a key is not one of a scenario; "" where it is one."""
     parts = key.split(".")
     if key == "name":
         return "names no factor; cases are named by their factors"
@@ -149,15 +150,15 @@ def _points(grid: Keys) -> Iterator[Keys]:
 def _cases(
     spec: StudySpec, bases: Mapping[str, Any], points: list[Keys], *, varied: list[str], source: str
 ) -> tuple[StudyCase, ...]:
-    parser = _Parser(source)
+    parser = _ScenarioParser(source)
     cases: list[StudyCase] = []
     for base, point in itertools.product(bases.values(), points):
         if (scenario := parser.scenario(base, point)) is not None:
             factors = {key: point[key] for key in varied}
             cases += [StudyCase(scenario=scenario, method=m, drive=spec.drive, factors=factors) for m in spec.methods]
     if parser.mistakes:
-        for base, point in itertools.product(bases.values(), points):  # what else is wrong beside the values found so far
-            parser.scenario(base, {key: value for key, value in point.items() if (key, str(value)) not in parser.blamed})
+        for base, point in itertools.product(bases.values(), points):  # find the mistakes that these values hid
+            parser.scenario(base, {key: value for key, value in point.items() if (key, str(value)) not in parser.wrong_values})
         raise SpecError("; ".join(parser.mistakes))
     twice = len(cases) - len({case.id for case in cases})
     if twice:
@@ -165,21 +166,21 @@ def _cases(
     return tuple(cases)
 
 
-class _Parser:
-    """Scenarios of points that are mostly alike: a section, and a zone on its road, is checked once.
+class _ScenarioParser:
+    """Parses the scenarios of a study. They are mostly alike, so each section, and each fit of zone and road, is checked once.
 
-    `mistakes` are kept in the order found, `blamed` are the values (key, text) that are wrong whatever stands beside them.
+    `mistakes` keeps the order in which they were found. `wrong_values` holds (key, text) of values that break their own rule.
     """
 
     def __init__(self, source: str) -> None:
         self.mistakes: dict[str, None] = {}
-        self.blamed: set[tuple[str, str]] = set()
+        self.wrong_values: set[tuple[str, str]] = set()
         self._source = source
         self._sections: dict[str, Any] = {}
         self._fitting: set[str] = set()
 
     def scenario(self, base: Keys, point: Keys) -> Scenario | None:
-        """The checked scenario of a point, None where there is a mistake."""
+        """The scenario at a point of the grid; None, after adding to `mistakes`, where it is wrong."""
         content = _with(base, _completed(point))
         texts = {key: f"{key} {json.dumps(value)}" for key, value in content.items()}
         try:
@@ -187,27 +188,27 @@ class _Parser:
             self._sections |= {text: getattr(scenario, key) for key, text in texts.items()}
         except ValidationError as error:
             self.mistakes |= dict.fromkeys(f"{self._source}: {mistake}" for mistake in describe_mistakes(Scenario, error))
-            self.blamed |= {(".".join(map(str, part["loc"])), str(part["input"])) for part in error.errors()}
+            self.wrong_values |= {(".".join(map(str, part["loc"])), str(part["input"])) for part in error.errors()}
             return None
-        fits = scenario.model_dump_json(include=set(FITTING_SECTIONS))
-        if fits in self._fitting:
+        parts = scenario.model_dump_json(include=set(FITTING_SECTIONS))
+        if parts in self._fitting:
             return scenario
         if misfits := misfits_of(scenario):
             self.mistakes |= dict.fromkeys(f"{self._source}: {misfit}" for misfit in misfits)
             return None
-        self._fitting.add(fits)
+        self._fitting.add(parts)
         return scenario
 
 
 def _completed(point: Keys) -> Keys:
-    """A study collects as many traces as it uses, where it does not say otherwise."""
+    """The point with as many traces collected as used, unless the study gives `crowd.collected`."""
     if "crowd.used" not in point or "crowd.collected" in point:
         return point
     return point | {"crowd.collected": point["crowd.used"]}
 
 
 def _with(content: Mapping[str, Any], keys: Keys) -> Keys:
-    """The content with dotted keys set; what is not touched is shared."""
+    """A copy of the content with dotted keys set. The sections without a new key are shared, not copied."""
     changed = dict(content)
     for key, value in keys.items():
         first, _, rest = key.partition(".")

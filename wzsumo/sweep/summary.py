@@ -1,4 +1,4 @@
-"""What a table of results says: means with intervals over seeds, and paired differences; as tables for people and papers."""
+"""Statistics of a result table: means with intervals over seeds, paired differences, traces needed; and tables of them."""
 
 import math
 from collections.abc import Sequence
@@ -14,15 +14,15 @@ from wzsumo.frames import FloatArray
 from wzsumo.sweep.results import CASE_COLUMNS, MEASURED_COLUMNS
 
 CONFIDENCE = 0.95
-RESAMPLES = 2000  # the ends of an interval then move by about 3 % of its width from one drawing to the next
-_DRAW = 1  # seed of the resampling: one table gives one interval
+RESAMPLES = 2000  # with so many, the ends of an interval differ by about 3 % of its width from one resampling seed to another
+_RESAMPLING_SEED = 1  # fixed, so that the same table always gives the same interval
 
 
 def summarise(table: pd.DataFrame, measure: str, *, by: Sequence[str]) -> pd.DataFrame:
-    """Columns `by`, n, mean, median, low, high of a measured column, one row a combination of `by`.
+    """Columns `by`, n, mean, median, low, high of a measured column, one row per combination of the columns `by`.
 
-    n counts seeds: rows of one seed in one combination are averaged first, for they share a simulation. `low` and `high` are
-    the ends of the 95 % percentile bootstrap interval of the mean over seeds. Refused and failed cases are left out.
+    n counts seeds: rows of one seed in one combination are averaged first, because they share a simulation. `low` and `high`
+    are the ends of the 95 % percentile bootstrap interval of the mean over seeds. Refused and failed cases are left out.
     Source: Efron & Tibshirani 1993, An Introduction to the Bootstrap, section 13.3.
     """
     done = _done(table, [measure, *by])
@@ -42,21 +42,22 @@ def summarise(table: pd.DataFrame, measure: str, *, by: Sequence[str]) -> pd.Dat
 
 
 def compare(table: pd.DataFrame, measure: str, *, between: str, against: object, by: Sequence[str] = ()) -> pd.DataFrame:
-    """Differences of a measure from its value where column `between` is `against`, all else being equal, the seed too.
+    """Paired differences of a measure from its value where the column `between` is `against`.
 
-    Columns: `between`, `by`, n (seeds), difference (mean), low, high (its 95 % interval), share_above (of the pairs, those
-    with a larger value than `against` has). Pairs of one seed share the traffic, so that its chance falls out.
+    The two cases of a pair agree in everything else, the seed included, so that they share the same traffic. Columns:
+    `between`, `by`, n (seeds), difference (mean), low and high (its 95 % interval), share_above (share of the pairs in which
+    the value is larger than that of `against`).
     """
     done = _done(table, [measure, between, *by])
     factors = [name for name in table.attrs.get("factors", []) if name != between]
-    alike = list(dict.fromkeys(["scenario", "method", "seed", *factors]))
-    alike = [name for name in alike if name != between and name in done]
+    paired_by = list(dict.fromkeys(["scenario", "method", "seed", *factors]))
+    paired_by = [name for name in paired_by if name != between and name in done]
     done = done.assign(**{measure: done[measure].astype(float)})
-    base = done[done[between] == against].set_index(alike)[measure]
-    if base.empty:
+    baseline = done[done[between] == against].set_index(paired_by)[measure]
+    if baseline.empty:
         raise InputError(f"no finished case has {between}={against!r}; there is {sorted(map(str, done[between].unique()))}")
-    others = done[done[between] != against].join(base.rename("_base"), on=alike, how="inner")
-    difference = others[measure] - others["_base"]
+    others = done[done[between] != against].join(baseline.rename("_baseline"), on=paired_by, how="inner")
+    difference = others[measure] - others["_baseline"]
     values = _by_seed(others, difference, [between, *by])
     low, high = _bootstrap_interval(values.to_numpy())
     above = _by_seed(others, (difference > 0).where(difference.notna()).astype(float), [between, *by])
@@ -98,7 +99,7 @@ def _done(table: pd.DataFrame, needed: Sequence[str]) -> pd.DataFrame:
 
 
 def _by_seed(rows: pd.DataFrame, values: pd.Series, by: Sequence[str]) -> pd.DataFrame:
-    """Mean of each combination (rows) and seed (columns)."""
+    """Mean value of each combination (rows) and seed (columns)."""
     if rows.empty:
         raise InputError("no case is finished, so there is nothing to summarise")
     keys = [rows[name] for name in by] or [pd.Series("all", index=rows.index, name="cases")]
@@ -106,20 +107,25 @@ def _by_seed(rows: pd.DataFrame, values: pd.Series, by: Sequence[str]) -> pd.Dat
 
 
 def _bootstrap_interval(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends (groups,) of the interval of the mean of each row of values (groups, seeds); nan: a seed that is not there.
+    """Lower and upper ends (groups,) of the interval of the mean of each row of values (groups, seeds).
 
-    Drawing seeds with replacement is giving each a weight: one matrix product makes all resamples of all groups.
+    nan marks a seed that a group does not have. To draw seeds with replacement is to give each seed a weight, so one matrix
+    product makes all resamples of all groups.
     """
     n_seeds = values.shape[1]
-    draws = np.random.default_rng(_DRAW).multinomial(n_seeds, np.full(n_seeds, 1 / n_seeds), size=RESAMPLES).astype(float)
-    there = np.isfinite(values)
+    draws = (
+        np.random.default_rng(_RESAMPLING_SEED)
+        .multinomial(n_seeds, np.full(n_seeds, 1 / n_seeds), size=RESAMPLES)
+        .astype(float)
+    )
+    known = np.isfinite(values)
     with np.errstate(invalid="ignore"):
-        means = (np.where(there, values, 0.0) @ draws.T) / (there @ draws.T)
-    means[there.sum(axis=1) < 2] = np.nan  # one seed tells nothing of the scatter over seeds
+        means = (np.where(known, values, 0.0) @ draws.T) / (known @ draws.T)
+    means[known.sum(axis=1) < 2] = np.nan  # the scatter over seeds needs at least two
     ends = np.full((2, len(values)), np.nan)
-    some = np.isfinite(means).any(axis=1)
+    has_interval = np.isfinite(means).any(axis=1)
     tails = ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)
-    ends[:, some] = np.nanquantile(means[some], tails, axis=1)
+    ends[:, has_interval] = np.nanquantile(means[has_interval], tails, axis=1)
     return ends[0], ends[1]
 
 
@@ -131,34 +137,35 @@ def _escaped(text: str) -> str:
     return "".join("\\" + letter if letter in "&%$#_{}" else letter for letter in text)
 
 
-GOOD_ENOUGH = 0.9  # share of seeds with a safe plan from which on a map is called good enough
-TRACES = "crowd.used"
+REQUIRED_SAFE_SHARE = 0.9  # a number of traces is enough where this share of seeds has a safe plan
+TRACES_FACTOR = "crowd.used"
 
 
 def traces_needed(table: pd.DataFrame, *, by: Sequence[str]) -> pd.DataFrame:
-    """Columns `by`, traces, minutes, n_seeds, best_traces, best_share, one row a combination of `by`.
+    """Columns `by`, traces, minutes, n_seeds, best_traces, best_share, one row per combination of the columns `by`.
 
-    `traces` is the fewest from which on, with every larger number in the study as well, the share of seeds with a safe plan
-    is GOOD_ENOUGH, `minutes` the mean time until so many have come in; nan where there is none. `best_traces` has the largest
-    share of all. Methods that take no traces are left out.
+    `traces` is the smallest number of traces that is enough, together with every larger number in the study: at each of them
+    the share of seeds with a safe plan reaches REQUIRED_SAFE_SHARE. `minutes` is the mean time until so many traces are
+    collected. Both are nan where no number is enough. `best_traces` is the number with the largest share, `best_share`.
+    Methods that take no traces are left out.
     """
     table = table[~table["method"].map(is_baseline).astype(bool)]
-    safe = summarise(table, "safe_plan", by=[*by, TRACES]).rename(columns={"mean": "share", "n": "n_seeds"})
-    minutes = summarise(table, "minutes_to_collect", by=[*by, TRACES]).rename(columns={"mean": "minutes"})
-    points = safe.merge(minutes[[*by, TRACES, "minutes"]], on=[*by, TRACES])
+    safe = summarise(table, "safe_plan", by=[*by, TRACES_FACTOR]).rename(columns={"mean": "share", "n": "n_seeds"})
+    minutes = summarise(table, "minutes_to_collect", by=[*by, TRACES_FACTOR]).rename(columns={"mean": "minutes"})
+    points = safe.merge(minutes[[*by, TRACES_FACTOR, "minutes"]], on=[*by, TRACES_FACTOR])
     groups = points.groupby(list(by), sort=True) if by else [((), points)]
     rows = []
     for key, group in groups:
-        enough = _from_which_on(group.sort_values(TRACES))
-        traces, minutes_then = enough.iloc[0][[TRACES, "minutes"]] if len(enough) else (math.nan, math.nan)
+        enough = _last_rows_enough(group.sort_values(TRACES_FACTOR))
+        traces, minutes_then = enough.iloc[0][[TRACES_FACTOR, "minutes"]] if len(enough) else (math.nan, math.nan)
         best = group.iloc[int(group["share"].to_numpy().argmax())]
         found = {"traces": traces, "minutes": minutes_then, "n_seeds": group["n_seeds"].max()}
-        found |= {"best_traces": best[TRACES], "best_share": best["share"]}
+        found |= {"best_traces": best[TRACES_FACTOR], "best_share": best["share"]}
         rows.append(dict(zip(by, key, strict=True)) | found)
     return pd.DataFrame(rows).astype({"traces": float, "minutes": float})
 
 
-def _from_which_on(group: pd.DataFrame) -> pd.DataFrame:
-    """The rows at the end of the group that are good enough without a break."""
-    enough = (group["share"] >= GOOD_ENOUGH).to_numpy()[::-1].cumprod()[::-1].astype(bool)
+def _last_rows_enough(group: pd.DataFrame) -> pd.DataFrame:
+    """The rows at the end of the group that all reach REQUIRED_SAFE_SHARE."""
+    enough = (group["share"] >= REQUIRED_SAFE_SHARE).to_numpy()[::-1].cumprod()[::-1].astype(bool)
     return group[enough]

@@ -1,4 +1,4 @@
-"""A sweep: every case of a study that is not finished yet, each simulation of the fleet once, whatever fails on the way."""
+"""run_sweep: evaluates the cases of a study that are not finished yet. Cases that share a simulation simulate it once."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -8,27 +8,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from wzsumo.sweep.agenda import Agenda, Work
 from wzsumo.sweep.results import write_results
 from wzsumo.sweep.store import open_store
 from wzsumo.sweep.study_file import Study
+from wzsumo.sweep.task_queue import Task, TaskQueue
 from wzsumo.sweep.workers import Workers
 
 CACHE_LIMIT_MB = 2000.0  # a fleet of 15 min takes some 5 MB
 
-Advance = Callable[[int], None]
+AddFinished = Callable[[int], None]  # is called with the number of cases that were just finished
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSummary:
-    """The result of a sweep, in numbers of cases."""
+    """What a sweep did, as numbers of cases."""
 
     n_cases: int
     n_simulations: int
     n_found: int  # finished by an earlier sweep
     n_done: int
-    n_refused: int  # cases that cannot be
-    n_failed: int  # cases that were lost twice
+    n_refused: int  # cases that are impossible, such as one that asks for more traces than the fleet has
+    n_failed: int  # cases whose task failed twice
     failures: Mapping[str, int]  # reason -> number of cases
     results: Path
 
@@ -38,14 +38,15 @@ def run_sweep(
     folder: Path,
     *,
     workers: AbstractContextManager[Workers],
-    progress: Callable[[int, int], AbstractContextManager[Advance]],
+    progress: Callable[[int, int], AbstractContextManager[AddFinished]],
     tell: Callable[[str], None],
     cache_limit_mb: float = CACHE_LIMIT_MB,
 ) -> SweepSummary:
-    """Evaluate the cases that `folder` does not hold yet, and return their numbers. Finished cases are kept however it ends.
+    """Numbers of a study's cases, after evaluating those that `folder` does not hold yet.
 
-    `progress` is called with the numbers of finished and of all cases and gives a function, which is called with the number of
-    cases of each finished batch; `tell` is called with messages for a person.
+    Finished cases stay in the folder even where the sweep is interrupted. `progress` is called with the number of finished
+    cases and of all cases. It gives a function that is called with the number of cases of each finished batch. `tell` is
+    called with each message for the user.
     """
     with open_store(folder, study, tell=tell, cache_limit_mb=cache_limit_mb) as store:
         rows = store.finished()
@@ -54,12 +55,12 @@ def run_sweep(
         try:
             missing = [case for case in study.cases if case.id not in rows]
             if missing:
-                with progress(n_found, len(study.cases)) as advance, workers as crew:
-                    agenda = Agenda(missing, store, workers=crew.count)
-                    for batch in _carried_out(agenda, crew):
+                with progress(n_found, len(study.cases)) as add_finished, workers as pool:
+                    queue = TaskQueue(missing, store, workers=pool.count)
+                    for batch in _finished_batches(queue, pool):
                         rows |= {row["case"]: row for row in batch}
-                        advance(len(batch))
-                failures = agenda.failures
+                        add_finished(len(batch))
+                failures = queue.failures
         finally:
             results = write_results(folder, study.cases, rows | failures)
     counts = Counter(rows[case.id]["status"] for case in study.cases if case.id in rows)
@@ -75,16 +76,16 @@ def run_sweep(
     )
 
 
-def _carried_out(agenda: Agenda, workers: Workers) -> Iterator[list[dict[str, Any]]]:
-    """The rows as they come in. One task more than there are workers is under way, so that none of them waits."""
-    running: dict[Future[Any], Work] = {}
+def _finished_batches(queue: TaskQueue, workers: Workers) -> Iterator[list[dict[str, Any]]]:
+    """The rows of each batch once it is finished. One more task than there are workers is started, so that no worker waits."""
+    running: dict[Future[Any], Task] = {}
     while True:
-        while len(running) <= workers.count and (task := agenda.next_task()) is not None:
-            work, function, args, limit_s = task
-            running[workers.start(function, *args, limit_s=limit_s)] = work
+        while len(running) <= workers.count and (started := queue.next_task()) is not None:
+            task, function, args, limit_s = started
+            running[workers.start(function, *args, limit_s=limit_s)] = task
         if not running:
             return
         done, _ = wait(running, return_when=FIRST_COMPLETED)
         for future in done:
-            if rows := agenda.settle(running.pop(future), future):
+            if rows := queue.finish_task(running.pop(future), future):
                 yield rows

@@ -1,7 +1,7 @@
-"""Workers that carry out a sweep's tasks: what any of them do, and the processes of this machine (for Dask see `cluster`).
+"""Workers: the interface of what runs a sweep's tasks. LocalWorkers: processes on this machine (for Dask see `cluster`).
 
-A local worker is one process with a pipe of its own. The pools of the standard library share one queue, and a process that
-is killed while it holds the queue's lock stops them all; here it costs its own task, whatever moment it dies at.
+Each local worker is a process with a pipe of its own. The process pools of the standard library share one queue: a process
+that is killed while it holds the queue's lock blocks all others. Here a killed process costs only its own task.
 """
 
 import multiprocessing
@@ -19,21 +19,21 @@ from queue import SimpleQueue
 from types import TracebackType
 from typing import Any, Protocol, Self
 
-Task = tuple[Callable[..., Any], tuple[Any, ...], float]  # function, arguments, longest time [s]
+Call = tuple[Callable[..., Any], tuple[Any, ...], float]  # function, arguments, time limit [s]
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-class TaskLost(Exception):  # noqa: N818 - nobody raises it; it says in a future what became of a task
-    """A task whose process ended before its result, or took too long; the message says which."""
+class TaskLost(Exception):  # noqa: N818 - never raised here: it is the exception of a task's future
+    """The task's process ended without a result, or took too long; the message says which."""
 
 
 class Workers(Protocol):
-    """What carries out tasks. Used as a context: at its end whatever still runs is stopped."""
+    """What runs tasks, as a context manager: at its end all tasks that still run are stopped."""
 
     count: int
 
     def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
-        """The future result. Its exception says what went wrong: TaskLost, or the task's own."""
+        """The future result of `function(*args)`; its exception is TaskLost or the one that the task raised."""
 
     def __enter__(self) -> Self: ...
 
@@ -41,25 +41,25 @@ class Workers(Protocol):
 
 
 class LocalWorkers:
-    """`count` processes of this machine, started when first needed and again after one is lost."""
+    """`count` processes on this machine. Each is started when it is first needed, and again after it is lost."""
 
     def __init__(self, count: int) -> None:
         self.count = count
-        self._tasks: SimpleQueue[tuple[Future[Any], Task] | None] = SimpleQueue()
+        self._tasks: SimpleQueue[tuple[Future[Any], Call] | None] = SimpleQueue()
         self._stopping = threading.Event()
         self._processes: list[_Process | None] = [None] * count
-        # A process that is killed leaves its temporary files; these go with the pool.
+        # The temporary files of killed processes stay in this folder until the pool deletes it.
         self._scratch = tempfile.TemporaryDirectory(prefix="wzsumo-", ignore_cleanup_errors=True)
         self._threads = [threading.Thread(target=self._serve, args=(slot,), daemon=True) for slot in range(count)]
 
     def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
-        """The future result of `function(*args)`, lost after `limit_s` seconds of its own."""
+        """The future result of `function(*args)`; TaskLost where the call itself takes longer than `limit_s` seconds."""
         future: Future[Any] = Future()
         self._tasks.put((future, (function, args, limit_s)))
         return future
 
     def __enter__(self) -> Self:
-        with _interrupts_held():  # threads and their processes inherit it: Ctrl-C is the sweep's to answer, not theirs
+        with _signals_blocked():  # threads and their processes inherit it, so that only the sweep itself reacts to Ctrl-C
             for thread in self._threads:
                 thread.start()
         return self
@@ -77,12 +77,12 @@ class LocalWorkers:
 
     def _serve(self, slot: int) -> None:
         while (item := self._tasks.get()) is not None and not self._stopping.is_set():
-            future, task = item
+            future, call = item
             process = self._processes[slot] or _Process(self._scratch.name)
             self._processes[slot] = process
-            if self._stopping.is_set():  # asked after the process can be seen, so that one of the two threads ends it
+            if self._stopping.is_set():  # checked once `__exit__` can see the process, so that one of the two threads kills it
                 break
-            done, answer = process.carry_out(task)
+            done, answer = process.run(call)
             if done:
                 future.set_result(answer)
             else:
@@ -94,18 +94,20 @@ class LocalWorkers:
 
 
 class _Process:
-    """One process, the pipe to it, and with it the group of what it starts, such as SUMO."""
+    """One worker process and the pipe to it. It leads a process group, to which what it starts, such as SUMO, belongs."""
 
     def __init__(self, scratch: str) -> None:
-        spawn = multiprocessing.get_context("spawn")  # a fork would copy the threads' locks as they happen to be
-        self._pipe, theirs = spawn.Pipe()
-        self._process = spawn.Process(target=_work, args=(theirs, scratch), daemon=True)
+        spawn = multiprocessing.get_context(
+            "spawn"
+        )  # a forked process would inherit locks that other threads hold at that moment
+        self._pipe, other_end = spawn.Pipe()
+        self._process = spawn.Process(target=_run_calls, args=(other_end, scratch), daemon=True)
         self._process.start()
-        theirs.close()  # else the pipe would not end with the process
+        other_end.close()  # otherwise the pipe would stay open after the process has ended
 
-    def carry_out(self, task: Task) -> tuple[bool, Any]:
-        """(True, result) or (False, what became of the task)."""
-        function, args, limit_s = task
+    def run(self, call: Call) -> tuple[bool, Any]:
+        """(True, result) or (False, why there is no result)."""
+        function, args, limit_s = call
         try:
             self._pipe.send((function, args))
             if not self._pipe.poll(limit_s):
@@ -113,46 +115,47 @@ class _Process:
             done, answer = self._pipe.recv()
         except (EOFError, OSError):
             self._process.join()
-            return False, _ending(self._process.exitcode)
+            return False, _describe_end(self._process.exitcode)
         return done, answer
 
     def kill(self) -> None:
-        with suppress(ProcessLookupError):  # it has not come so far as to have a group, or its group has ended
+        """Kill the process and all that it started."""
+        with suppress(ProcessLookupError):  # the process has not made its group yet, or the group has ended
             os.killpg(self._process.pid or 0, signal.SIGKILL)
         self._process.kill()
         self._process.join()
 
 
-def _ending(exitcode: int | None) -> str:
+def _describe_end(exitcode: int | None) -> str:
     if exitcode is not None and exitcode < 0:
         return f"its process was ended by signal {-exitcode} ({signal.Signals(-exitcode).name})"
     return f"its process ended with exit code {exitcode}"
 
 
-def _work(pipe: "Connection[Any, Any]", scratch: str) -> None:
-    """Carry out what comes through the pipe until it ends. A task that raises ends the process: the next one starts clean."""
+def _run_calls(pipe: "Connection[Any, Any]", scratch: str) -> None:
+    """Run the calls that come through the pipe until it closes. A call that raises ends the process."""
     os.setsid()
     tempfile.tempdir = scratch
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _hush_libraries()
+    _silence_libraries()
     while True:
         try:
             function, args = pipe.recv()
         except EOFError:
             return
-        with _Telling(pipe):
+        with _ErrorsSent(pipe):
             pipe.send((True, function(*args)))
 
 
-def _hush_libraries() -> None:
-    """SUMO writes warnings of every vehicle straight to file descriptor 2; only what Python says goes on to stderr."""
+def _silence_libraries() -> None:
+    """Discard what libraries write to file descriptor 2, such as SUMO's warnings; Python's own stderr stays."""
     sys.stderr = os.fdopen(os.dup(2), "w", buffering=1)
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), 2)
 
 
-class _Telling:
-    """Tells through the pipe what was raised; it goes on being raised, and so lands on stderr with its traceback."""
+class _ErrorsSent:
+    """Sends an exception's text through the pipe. The exception is raised on, so that stderr shows its traceback."""
 
     def __init__(self, pipe: "Connection[Any, Any]") -> None:
         self._pipe = pipe
@@ -165,6 +168,7 @@ class _Telling:
 
 
 def _end_with_parent() -> None:
+    """Kill this process and what it started once the process that started it has ended."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -172,8 +176,9 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
-    for name in _ONE_THREAD:  # small matrices are slower with more, and every process has a core
+def _signals_blocked() -> Iterator[None]:
+    """Block SIGINT and SIGTERM for threads and processes that are started in the block; their libraries use one thread each."""
+    for name in _ONE_THREAD:  # small matrices are slower with more threads, and every core has a process already
         os.environ.setdefault(name, "1")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:

@@ -1,1 +1,1 @@
-"""What decides the rows of a study: the names of its cases, and how cases share simulations, maps and evaluations."""
+"""The part of a sweep that decides its rows: the names of the cases, and which simulations, maps and evaluations they share."""

@@ -1,4 +1,4 @@
-"""StudyCase: one row of a study's table, and the names under which its simulation and its results are kept."""
+"""StudyCase: one row of a study's table, and the names of the simulation, map source and evaluation that it shares."""
 
 import hashlib
 import json
@@ -13,8 +13,8 @@ from wzsumo.scenario.scenario import Scenario, keys_that_decide, sections_that_d
 from wzsumo.scenario.sections import CrowdSpec, Decides
 from wzsumo.sweep.version import code_version
 
-# Beside the simulation, what a map's source depends on, and so what all that follows from it depends on.
-DECIDES_SOURCE: dict[Source, tuple[Decides, ...]] = {
+# The sections of a scenario, beside those of the simulation, that decide what a map is made of.
+SECTIONS_OF_SOURCE: dict[Source, tuple[Decides, ...]] = {
     Source.CROWD: (Decides.REPORTS,),
     Source.LIDAR: (Decides.SITE, Decides.LIDAR),
     Source.MAP_BEFORE: (Decides.SITE,),
@@ -37,33 +37,33 @@ class StudyCase:
 
     @cached_property
     def id(self) -> str:
-        """Name of the result: a hash of all that decides it, the version of the code included."""
+        """Name of the case: a hash of everything that decides its result, the version of the code included."""
         return _digest(self.scenario.model_dump(mode="json", exclude={"name"}), self.method, self.drive)
 
     @cached_property
     def simulation(self) -> str:
-        """Name of the simulation of the fleet, which many cases share."""
+        """Name of the simulation of the fleet. Many cases share one simulation."""
         return _digest(self._content(Decides.SIMULATION))
 
     @cached_property
     def source(self) -> str:
-        """Name of what the map is made of, which methods share: the crowd's traces and their mixture, or a LiDAR drive."""
-        return _digest(self.simulation, self._content(*DECIDES_SOURCE[self.map_method.source]))
+        """Name of what the map is made of: the crowd's traces with their mixture, or a LiDAR drive. Methods share it."""
+        return _digest(self.simulation, self._content(*SECTIONS_OF_SOURCE[self.map_method.source]))
 
     @cached_property
     def site(self) -> str:
-        """Name of the cells of the map, start and goal."""
+        """Name of the site: the cells of the map, the start and the goal."""
         return _digest(self.simulation, self._content(Decides.SITE))
 
     @cached_property
     def evaluation(self) -> str:
-        """Name of map, plan and drive, which cases share that differ only in what their method does not look at."""
+        """Name of map, plan and drive. Cases share them where they differ only in keys that their method does not use."""
         return _digest(self.source, self._content(Decides.SITE, Decides.DRIVE), self.method, self.drive)
 
-    def _content(self, *what: Decides) -> dict[str, Any]:
-        """The sections that decide one of these; keys that only decide when the traces are there do not count."""
-        unseen = {"crowd": keys_that_decide(CrowdSpec, Decides.COLLECTION)}
-        return self.scenario.model_dump(mode="json", include=sections_that_decide(*what), exclude=unseen)
+    def _content(self, *decided: Decides) -> dict[str, Any]:
+        """The content of the sections that decide these, without the keys that only decide when enough traces are collected."""
+        left_out = {"crowd": keys_that_decide(CrowdSpec, Decides.COLLECTION)}
+        return self.scenario.model_dump(mode="json", include=sections_that_decide(*decided), exclude=left_out)
 
 
 def _digest(*parts: Any) -> str:

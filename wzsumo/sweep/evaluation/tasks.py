@@ -1,6 +1,6 @@
-"""What a worker of a sweep does: simulate a fleet, or evaluate cases on a simulated fleet. Bytes in, plain values out.
+"""The two tasks of a sweep's worker: simulate a fleet, and evaluate cases on a simulated fleet.
 
-Workers need no folder in common: what a simulation gives comes back as the bytes of a Parquet file, and goes out again so.
+A fleet travels between processes as the bytes of a Parquet file, so that workers on other machines need no shared folder.
 """
 
 import io
@@ -38,12 +38,12 @@ from wzsumo.sweep.evaluation.study_case import StudyCase
 FLEET_FIGURES = (
     "n_passed", "mean_speed_activity_mps", "throughput_vph", "mean_delay_s", "max_queue_length_m", "n_hard_braking",
 )  # fmt: skip
-_FLEET = b"fleet"  # key of the fleet's summary in the Parquet file
-_ONE_SIMULATION = threading.Lock()  # libsumo allows one a process, and a Dask worker may run several threads
+_FLEET = b"fleet"  # key of the fleet's summary in the metadata of the Parquet file
+_ONE_SIMULATION = threading.Lock()  # libsumo allows one per process, and a Dask worker may run several threads
 
 
 def simulate(scenario: Scenario) -> bytes:
-    """A Parquet file with the true traces over the zone, and the fleet's summary in its metadata."""
+    """A Parquet file of the true traces in the zone, with the fleet's summary in its metadata."""
     layout = scenario.layout()
     with _ONE_SIMULATION, _in_processor_seconds() as spent, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
         zone, measures = simulate_zone(scenario, layout, folder=Path(folder), watch=Watch())
@@ -54,13 +54,13 @@ def simulate(scenario: Scenario) -> bytes:
 
 
 def evaluate_cases(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
-    """One row a case, on the fleet that `simulate` gave for all of them; those of one source should be neighbours.
+    """One row per case, all on the fleet that `simulate` returned. Cases of one map source should follow one another.
 
-    A case that cannot be, such as one that asks for more traces than the fleet gives, has status REFUSED and the reason.
+    An impossible case, such as one that asks for more traces than the fleet has, gets the status REFUSED and the reason.
     """
     over_zone, fleet = read_simulated(simulated)
-    shared = _Shared(over_zone)
-    load_kernels()  # not part of what planning takes
+    shared = _SharedWork(over_zone)
+    load_kernels()  # before the clock of the first case starts
     rows = []
     for case in cases:
         with _in_processor_seconds() as spent:
@@ -79,18 +79,18 @@ def read_simulated(simulated: bytes) -> tuple[pd.DataFrame, dict[str, Any]]:
     return table.to_pandas(), json.loads(table.schema.metadata[_FLEET])
 
 
-class _Shared:
-    """What neighbouring cases have in common, kept for the next: site, sources of maps, maps, whole rows."""
+class _SharedWork:
+    """The site, map sources, maps and rows of the last case, which the next case uses where it has the same."""
 
     def __init__(self, over_zone: pd.DataFrame) -> None:
         self._over_zone = over_zone
         self._site: tuple[str, Site] | None = None
-        self._sources: tuple[str, str, Sources] | None = None  # of a source on a site
-        self._maps: dict[str, OccupancyGrid] = {}  # of those sources, by method
-        self._rows: dict[str, dict[str, Any]] = {}  # of those sources, by evaluation
+        self._sources: tuple[str, str, Sources] | None = None  # by the names of map source and site
+        self._maps: dict[str, OccupancyGrid] = {}  # made of these sources, by method
+        self._rows: dict[str, dict[str, Any]] = {}  # of these sources, by evaluation
 
     def row_of(self, case: StudyCase) -> dict[str, Any]:
-        """The columns of a case that are measured."""
+        """The measured columns of a case."""
         takes_traces = case.map_method.source is Source.CROWD
         collected = collection_figures(self._over_zone, case.scenario, drives=case.drive) if takes_traces else {}
         sources = self._sources_of(case)
@@ -111,7 +111,7 @@ class _Shared:
         return self._site[1]
 
     def _sources_of(self, case: StudyCase) -> Sources:
-        """The sources of the case, those of the case before where they are the same; a crowd is learned from once."""
+        """The map sources of a case. A crowd that the last case used too is not learned from again."""
         if self._sources is None or self._sources[:2] != (case.source, case.site):
             same_crowd = (
                 self._sources is not None and self._sources[0] == case.source and case.map_method.source is Source.CROWD
@@ -125,7 +125,7 @@ class _Shared:
 
 
 def _zone_of(scenario: Scenario, site: Site, *, over_zone: pd.DataFrame) -> SimulatedZone:
-    """The simulated zone of a worker, which simulates again where more is needed than the traces over the zone."""
+    """The simulated zone of a case. It simulates again where a step needs more than the traces in the zone."""
 
     @contextmanager
     def sumo_files() -> Iterator[SumoFiles]:
@@ -141,7 +141,7 @@ def _zone_of(scenario: Scenario, site: Site, *, over_zone: pd.DataFrame) -> Simu
 
 @contextmanager
 def _in_processor_seconds() -> Iterator[list[float]]:
-    """A list that holds the processor time [s] of the block, and of the programs it ran, once it is over."""
+    """A list that holds, after the block, the processor time [s] of the block and of the programs that it ran."""
     spent: list[float] = []
     began = _processor_s()
     yield spent
