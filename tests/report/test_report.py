@@ -140,7 +140,7 @@ def test_comparison_sets_the_numbers_of_the_paper_beside_those_of_the_run(page: 
     assert ["Precision of the map", "90.08 %", "98.77 %"] in cells
     assert ["Components K of the mixture", "15", "2"] in cells
     assert ["Least clearance to cones, planned path", "1.297 m", "1.297 m"] in cells
-    assert ["Share of the driven path in the closed area", "left out", "0.00 %"] in cells
+    assert ["Share of the driven path in the closed area", "not reported", "0.00 %"] in cells
 
 
 def test_method_without_path_shows_dashes_and_its_reason(page: str) -> None:

@@ -1,1 +1,1 @@
-"""Drawings of a zone, its maps, its traffic and of a study."""
+"""Figures of a zone, its maps, its drives and its traffic, and of a study."""

@@ -1,10 +1,10 @@
-"""The figure of a drive: counterpart of Figure 11 of Chen et al. 2022, with speed and steering below."""
+"""The figure of a drive: swept area, speed and steering, as in Figure 11 of Chen et al. 2022."""
 
 import numpy as np
 import shapely
 from matplotlib.figure import Figure
 
-from wzsumo.figures.unrolled import unrolled_area, unrolled_points
+from wzsumo.figures.road_coordinates import area_in_road_coordinates, points_in_road_coordinates
 from wzsumo.figures.zone_axes import (
     BLACK,
     BLUE,
@@ -22,18 +22,18 @@ from wzsumo.frames import advance
 
 
 def draw_drive(run: ResultFolder, method: str) -> Figure:
-    """What the outline of the vehicle sweeps between devices and pavement edge, and its speed and steering over the station."""
+    """The area that the ego's outline sweeps between devices and pavement edge; speed and steering over the station."""
     vehicle, log = run.vehicle, run.drive_of(method)
     figure, rows = new_figure(5, row_height=1.5)
     if log is None:
         return figure
     poses = log[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
     swept = shapely.union_all(shapely.polygons(np.array([vehicle.outline(pose) for pose in poses])))
-    swept = unrolled_area(swept, run.road)
-    centre = unrolled_points(advance(poses, vehicle.axle_to_centre_m)[:, :2], run.road)
+    swept = area_in_road_coordinates(swept, run.road)
+    centre = points_in_road_coordinates(advance(poses, vehicle.axle_to_centre_m)[:, :2], run.road)
     stations, _ = run.road.to_sd(poses[:, :2])
-    for axes, stretch_of in zip(rows[:3], thirds(run), strict=True):
-        show_zone(axes, run, stretch_of=stretch_of)
+    for axes, interval in zip(rows[:3], thirds(run), strict=True):
+        show_zone(axes, run, interval=interval)
         add_area(axes, swept, label="swept by the outline", facecolor=SKY_BLUE, edgecolor=BLUE, linewidth=0.8, alpha=0.8)
         axes.plot(centre[:, 0], centre[:, 1], color=BLACK, linewidth=1, label="vehicle centre")
     for axes, values, label, colour in (

@@ -1,4 +1,4 @@
-"""Figures with their captions as files."""
+"""Drawings with their captions, saved as image files."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -10,19 +10,29 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """A figure that a report is to have: the name of its file without the suffix, what draws it, its title and caption."""
+
+    stem: str
+    draw: "Callable[[], Figure]"
+    title: str
+    caption: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReportFigure:
-    """An image file, its title and what its caption says."""
+    """An image file with its title and caption."""
 
     path: Path
     title: str
     caption: str
 
 
-def write_planned(figures: "Iterable[tuple[str, Callable[[], Figure], str, str]]", folder: Path) -> list[ReportFigure]:
-    """Figures, given as (name of the file, what draws it, title, caption), drawn and written to a folder as PNG."""
-    written = []
-    for stem, draw, title, caption in figures:
-        path = folder / f"{stem}.png"
-        draw().savefig(path)
-        written.append(ReportFigure(path=path, title=title, caption=caption))
-    return written
+def save_drawings(drawings: Iterable[Drawing], folder: Path) -> list[ReportFigure]:
+    """The figures of the drawings, drawn and saved to a folder as PNG."""
+    saved = []
+    for drawing in drawings:
+        path = folder / f"{drawing.stem}.png"
+        drawing.draw().savefig(path)
+        saved.append(ReportFigure(path=path, title=drawing.title, caption=drawing.caption))
+    return saved

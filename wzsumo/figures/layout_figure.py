@@ -1,11 +1,11 @@
-"""The drawing of a zone: its signs, its plan by stations, a stretch to scale with lane widths, the road as it lies."""
+"""The figure of a zone: its signs, its plan in road coordinates, a stretch to scale with lane widths, the road in the world."""
 
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from wzsumo.figures.unrolled import unrolled_area
+from wzsumo.figures.road_coordinates import area_in_road_coordinates
 from wzsumo.figures.zone_axes import (
     AXES_IN,
     BLACK,
@@ -23,35 +23,35 @@ from wzsumo.files.result_folder import ResultFolder
 from wzsumo.frames import BoolArray
 from wzsumo.units import feet_from_metres
 
-DRAWN_TO_SCALE_M = 80.0  # of the road, beside the beginning of the work
-LEVELS = 3  # heights of the names of areas, so that those of short areas keep apart
-BENDS_M = 5.0  # a road that leaves its chord by more is drawn as it lies, too
+TO_SCALE_LENGTH_M = 80.0  # of the road around the start of the activity area
+LABEL_LEVELS = 3  # heights at which names of areas are written, so that the names of short areas do not overlap
+MAX_RISE_OF_A_STRAIGHT_M = 5.0  # a road that leaves the chord between its ends by more is also drawn in the world
 
 
 def draw_zone(run: ResultFolder) -> Figure:
-    """The zone from above (paper: Figure 4): signs ahead of it, its areas, a stretch to scale, and the road if it bends."""
-    bends = _rise(run) > BENDS_M
+    """The zone (paper: Figure 4): the signs ahead of it, its areas, a stretch to scale and, if the road bends, the road."""
+    bends = _rise(run) > MAX_RISE_OF_A_STRAIGHT_M
     across = run.road.left_edge + run.road.right_shoulder + 2 * MARGIN_M[1]
-    to_scale = (AXES_IN[1] - AXES_IN[0]) * across / DRAWN_TO_SCALE_M
+    to_scale = (AXES_IN[1] - AXES_IN[0]) * across / TO_SCALE_LENGTH_M
     heights = [0.75, 2.3, to_scale, 2.6] if bends else [0.75, 2.3, to_scale]
-    head = 1.1 if _reads_against_the_stations(run).any() else 0.4
+    head = 1.1 if _faces_opposing_traffic(run).any() else 0.4
     figure, rows = stacked_figure(heights, gaps=[1.45, 0.75, 0.75][: len(heights) - 1], head=head)
     _draw_signs(rows[0], run)
     _draw_plan(rows[1], run)
     _draw_to_scale(rows[2], run)
     if bends:
-        _draw_as_it_lies(rows[3], run)
+        _draw_in_world(rows[3], run)
     legend_above(figure, rows[1])
     return figure
 
 
 def _draw_signs(axes: Axes, run: ResultFolder) -> None:
-    """The road from the first sign to the last, as a line, with what the signs say."""
+    """The signs along the road, which is drawn as a line, with their texts."""
     signs, (start, end) = run.signs, run.span
     axes.axhline(0, color="#777777", linewidth=3, zorder=1)
     axes.plot([start, end], [0, 0], color=ORANGE, linewidth=6, solid_capstyle="butt", zorder=2)
-    places = signs.assign(opposing=_reads_against_the_stations(run))
-    places = places.drop_duplicates(["text", "s_m", "opposing"])  # one of the two on both sides of a freeway
+    places = signs.assign(opposing=_faces_opposing_traffic(run))
+    places = places.drop_duplicates(["text", "s_m", "opposing"])  # a freeway has each sign on both sides: show one
     for opposing, group in places.groupby("opposing"):
         side = 1 if opposing else -1
         axes.scatter(group["s_m"], [side * 0.28] * len(group), marker="D", s=26, color=VERMILION, zorder=3)
@@ -68,14 +68,15 @@ def _draw_signs(axes: Axes, run: ResultFolder) -> None:
         spine.set_visible(False)
 
 
-def _reads_against_the_stations(run: ResultFolder) -> BoolArray:
-    """Which signs (n,) are for the other direction."""
+def _faces_opposing_traffic(run: ResultFolder) -> BoolArray:
+    """Whether signs (n,) are for the traffic that drives against the stations."""
     return np.asarray(np.cos(run.signs["heading_rad"] - run.road.heading_at(run.signs["s_m"])) < 0)
 
 
 def _draw_plan(axes: Axes, run: ResultFolder) -> None:
+    """The zone in road coordinates, with names and lengths of its areas."""
     show_zone(axes, run)
-    drivable = unrolled_area(run.polygons["drivable"], run.road)
+    drivable = area_in_road_coordinates(run.polygons["drivable"], run.road)
     add_area(axes, drivable, label="drivable area", facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
     for number, (name, start, end) in enumerate(run.areas):
         for station in (start, end):
@@ -84,19 +85,19 @@ def _draw_plan(axes: Axes, run: ResultFolder) -> None:
         station, side = at_edge.get(number, ((start + end) / 2, "center"))
         axes.annotate(
             f"{plain(name)}, {end - start:.0f} m = {feet_from_metres(end - start):.0f} ft",
-            (station, 1.03 + 0.11 * (number % LEVELS)), xycoords=("data", "axes fraction"), ha=side, fontsize=8,
+            (station, 1.03 + 0.11 * (number % LABEL_LEVELS)), xycoords=("data", "axes fraction"), ha=side, fontsize=8,
         )  # fmt: skip
 
 
 def _draw_to_scale(axes: Axes, run: ResultFolder) -> None:
-    """The beginning of the work, a metre along as long as a metre across, with the widths of the lanes."""
+    """The start of the activity area with the same scale along and across the road, and the widths of the lanes."""
     middle = next((start for name, start, _ in run.areas if name == "activity area"), run.span[0])
-    stretch_of = (middle - DRAWN_TO_SCALE_M / 2, middle + DRAWN_TO_SCALE_M / 2)
-    show_zone(axes, run, stretch_of=stretch_of)
-    drivable = unrolled_area(run.polygons["drivable"], run.road)
+    interval = (middle - TO_SCALE_LENGTH_M / 2, middle + TO_SCALE_LENGTH_M / 2)
+    show_zone(axes, run, interval=interval)
+    drivable = area_in_road_coordinates(run.polygons["drivable"], run.road)
     add_area(axes, drivable, facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
     for right, left in run.lanes_at(middle + 1.0):
-        s = stretch_of[1] - 12.0
+        s = interval[1] - 12.0
         axes.annotate("", (s, left), (s, right), arrowprops={"arrowstyle": "<->", "color": BLACK, "shrinkA": 0, "shrinkB": 0})
         width = left - right
         axes.annotate(f"{width:.2f} m\n{feet_from_metres(width):.1f} ft", (s + 1, (left + right) / 2), va="center", fontsize=7)
@@ -104,7 +105,8 @@ def _draw_to_scale(axes: Axes, run: ResultFolder) -> None:
     axes.set(xlabel="station [m]  (to scale)", ylabel="offset [m]")
 
 
-def _draw_as_it_lies(axes: Axes, run: ResultFolder) -> None:
+def _draw_in_world(axes: Axes, run: ResultFolder) -> None:
+    """Pavement and closed area in world coordinates."""
     for name, colour in (("pavement", "#CCCCCC"), ("closed_area", ORANGE)):
         add_area(axes, run.polygons[name], facecolor=colour, edgecolor=colour, linewidth=1)
     axes.set_aspect("equal", adjustable="datalim")
@@ -113,6 +115,6 @@ def _draw_as_it_lies(axes: Axes, run: ResultFolder) -> None:
 
 
 def _rise(run: ResultFolder) -> float:
-    """How far the road leaves the chord between its ends [m]."""
+    """Largest distance [m] of the road from the chord between its ends."""
     line = run.road.reference_line
     return float(shapely.distance(shapely.points(line), shapely.LineString(line[[0, -1]])).max())

@@ -1,4 +1,4 @@
-"""The figures of the maps: counterparts of Figures 8 and 9 of Chen et al. 2022."""
+"""The figures of the maps: counterparts of Figures 8, 9 and 10 of Chen et al. 2022."""
 
 import numpy as np
 from matplotlib.colors import ListedColormap
@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from wzsumo.case.methods import METHODS
-from wzsumo.figures.unrolled import unrolled_area, unrolled_points
+from wzsumo.figures.road_coordinates import area_in_road_coordinates, points_in_road_coordinates
 from wzsumo.figures.zone_axes import (
     BLACK,
     BLUE,
@@ -29,7 +29,7 @@ from wzsumo.files.result_folder import ResultFolder
 def draw_maps(run: ResultFolder, methods: list[str]) -> Figure:
     """The map of every method (paper: Figure 8)."""
     figure, rows = new_figure(len(methods), row_height=1.6, head=0.6)
-    drivable = unrolled_area(run.polygons["drivable"], run.road)
+    drivable = area_in_road_coordinates(run.polygons["drivable"], run.road)
     for axes, name in zip(rows, methods, strict=True):
         show_zone(axes, run)
         grid = run.map_of(name)
@@ -46,7 +46,7 @@ def draw_maps(run: ResultFolder, methods: list[str]) -> Figure:
 
 
 def draw_truth(run: ResultFolder, method: str) -> Figure:
-    """Cells that a map has right, wrongly free and wrongly occupied, with the planned path (paper: Figure 9)."""
+    """Cells that are rightly free, wrongly free and wrongly occupied, with the planned path (paper: Figure 9)."""
     figure, rows = new_figure(3, row_height=1.6)
     grid, path = run.map_of(method), run.path_of(method)
     if grid is None:
@@ -54,12 +54,16 @@ def draw_truth(run: ResultFolder, method: str) -> Figure:
     zone, truth = run.truth_on(grid)
     classes = np.select([truth & grid.free, zone & grid.free, truth], [1, 2, 3], default=0)
     colours = {"true positive": SKY_BLUE, "false positive": VERMILION, "false negative": YELLOW}
-    for axes, stretch_of in zip(rows, thirds(run), strict=True):
-        show_zone(axes, run, stretch_of=stretch_of)
+    for axes, interval in zip(rows, thirds(run), strict=True):
+        show_zone(axes, run, interval=interval)
         show_cells(axes, run, classes, grid, cmap=ListedColormap(["none", *colours.values()]), vmin=-0.5, vmax=3.5)
         if path is not None:
             axes.plot(
-                *unrolled_points(path[["x_m", "y_m"]], run.road).T, color=BLACK, linewidth=1.2, label="planned path", zorder=6
+                *points_in_road_coordinates(path[["x_m", "y_m"]], run.road).T,
+                color=BLACK,
+                linewidth=1.2,
+                label="planned path",
+                zorder=6,
             )
     handles, _ = rows[0].get_legend_handles_labels()
     patches = [Patch(color=colour, label=label) for label, colour in colours.items()]
@@ -68,9 +72,9 @@ def draw_truth(run: ResultFolder, method: str) -> Figure:
 
 
 def draw_baseline_paths(run: ResultFolder, methods: list[str]) -> Figure:
-    """The map of every baseline and what is planned on it, to the ego's own lane and to the open lane (paper: 8 and 10)."""
+    """The map of every baseline with the paths to the ego's own lane and to the open lane (paper: Figures 8 and 10)."""
     figure, rows = new_figure(len(methods), row_height=1.5, head=0.6)
-    shades, drivable = ListedColormap(["white", GREY, BLACK]), unrolled_area(run.polygons["drivable"], run.road)
+    shades, drivable = ListedColormap(["white", GREY, BLACK]), area_in_road_coordinates(run.polygons["drivable"], run.road)
     for axes, name in zip(rows, methods, strict=True):
         grid = run.map_of(name)
         show_zone(axes, run)
@@ -94,15 +98,15 @@ def draw_baseline_paths(run: ResultFolder, methods: list[str]) -> Figure:
 
 
 def draw_crowd_and_slam(run: ResultFolder, crowd: str, slam: str) -> Figure:
-    """What the crowd's map calls free, what the SLAM map saw, the truth and the crowd's path (paper: Figure 9)."""
+    """Free cells of the crowd's map, occupied cells of the SLAM map, the truth and the crowd's path (paper: Figure 9)."""
     figure, rows = new_figure(3, row_height=1.6)
-    learned, seen, path = run.map_of(crowd), run.map_of(slam), run.path_of(crowd)
-    if learned is None or seen is None:
+    crowd_map, slam_map, path = run.map_of(crowd), run.map_of(slam), run.path_of(crowd)
+    if crowd_map is None or slam_map is None:
         return figure
-    drivable = unrolled_area(run.polygons["drivable"], run.road)
-    for axes, stretch_of in zip(rows, thirds(run), strict=True):
-        show_zone(axes, run, stretch_of=stretch_of)
-        for grid, mask, colour in ((learned, learned.free, "#F4B6A0"), (seen, seen.p_occupied > 0.5, BLUE)):
+    drivable = area_in_road_coordinates(run.polygons["drivable"], run.road)
+    for axes, interval in zip(rows, thirds(run), strict=True):
+        show_zone(axes, run, interval=interval)
+        for grid, mask, colour in ((crowd_map, crowd_map.free, "#F4B6A0"), (slam_map, slam_map.p_occupied > 0.5, BLUE)):
             show_cells(axes, run, mask.astype(int), grid, cmap=ListedColormap(["none", colour]), vmin=0, vmax=1)
         add_area(axes, drivable, label="drivable area (truth)", fill=False, edgecolor=GREEN, linestyle="--",
                  linewidth=1.4, zorder=4)  # fmt: skip

@@ -13,9 +13,9 @@ CHI2_95 = 5.991464547107979  # 95 % quantile of chi-squared with 2 degrees of fr
 def draw_criteria(run: ResultFolder) -> Figure:
     """AIC and BIC over the number of components (paper: Figure 5)."""
     figure, (axes,) = new_figure(1, row_height=3.2, head=0.4)
-    sweep, chosen = run.sweep, run.result.get("n_components")
+    tried, chosen = run.mixtures_tried, run.result.get("n_components")
     for column, colour, marker in (("aic", BLUE, "o"), ("bic", VERMILION, "s")):
-        axes.plot(sweep["n_components"], sweep[column], color=colour, marker=marker, markersize=4, label=column.upper())
+        axes.plot(tried["n_components"], tried[column], color=colour, marker=marker, markersize=4, label=column.upper())
     if chosen is not None:
         rule = str(run.result.get("n_components_rule", "-")).upper()
         axes.axvline(chosen, color=BLACK, linestyle="--", linewidth=1, label=f"chosen K = {chosen} ({plain(rule)})")
@@ -27,7 +27,7 @@ def draw_criteria(run: ResultFolder) -> Figure:
 
 
 def draw_components(run: ResultFolder) -> Figure:
-    """The components as 95 % ellipses over the used traces (paper: Figure 6)."""
+    """The components as 95 % ellipses over the fixes of the used traces (paper: Figure 6)."""
     figure, (axes,) = new_figure(1, row_height=2.6)
     show_zone(axes, run)
     traces = run.used_traces

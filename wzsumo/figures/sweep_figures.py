@@ -1,6 +1,6 @@
-"""The figures of a study. Points are means over seeds with their 95 % bootstrap interval."""
+"""The figures of a study. Points are means over seeds; bars are their 95 % bootstrap intervals."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wzsumo.figures.figure_files import ReportFigure, write_planned
+from wzsumo.figures.figure_files import Drawing, ReportFigure, save_drawings
 from wzsumo.figures.zone_axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, plain
 from wzsumo.sweep.results import column_of
 from wzsumo.sweep.summary import REQUIRED_SAFE_SHARE, TRACES_FACTOR, summarise, traces_needed
@@ -36,36 +36,49 @@ WIDTH_IN = 10.5
 
 
 def write_sweep_figures(table: pd.DataFrame, folder: Path) -> list[ReportFigure]:
-    """Every figure that the study's factors allow, written to `folder` as PNG."""
+    """The figures that suit the factors of the study, written to `folder` as PNG."""
     folder.mkdir(parents=True, exist_ok=True)
     numeric = [name for name in table.attrs["factors"] if name != "seed" and pd.api.types.is_numeric_dtype(table[name])]
     seeds = f"n = {table['seed'].nunique()} seeds."
-    plans: list[tuple[str, Callable[[], Figure], str, str]] = []
+    drawings: list[Drawing] = []
     along = TRACES_FACTOR if TRACES_FACTOR in numeric else next(iter(numeric), None)
     others = [name for name in numeric if name != along]
     series = "gnss.error_m" if "gnss.error_m" in others else next(iter(others), None)
     if along:
-        title = f"Map quality and safe plans over {name_of(along)}"
-        plans.append(
-            ("quality", partial(draw_quality, table, along=along, series=series), title, f"Mean and 95 % interval. {seeds}")
+        drawings.append(
+            Drawing(
+                stem="quality",
+                draw=partial(draw_quality, table, along=along, series=series),
+                title=f"Map quality and safe plans over {name_of(along)}",
+                caption=f"Mean and 95 % interval. {seeds}",
+            )
         )
     if TRACES_FACTOR in numeric and {"crowd.penetration", "simulation.demand.flow_vph"} & set(numeric):
         caption = (
-            f"Mean time from the first vehicle's leaving the zone until so many traces have come in as give a safe plan in "
-            f"{REQUIRED_SAFE_SHARE:.0%} of the cases, with that number and every larger one of the study. A cross at the top: "
-            f"never, or not within the simulated time. {seeds}"
+            "Mean time from the first vehicle that leaves the zone to the one whose trace completes the number needed. "
+            "A number of traces is enough where it and every larger one in the study give a safe plan in "
+            f"{REQUIRED_SAFE_SHARE:.0%} of the cases. A cross at the top: no number is enough, or its traces come after "
+            f"the end of the simulation. {seeds}"
         )
-        plans.append(("minutes", partial(draw_minutes, table), "Minutes until the map is good enough", caption))
+        drawings.append(
+            Drawing(stem="minutes", draw=partial(draw_minutes, table), title="Minutes until enough traces", caption=caption)
+        )
     if table["method"].nunique() > 1:
-        plans.append(("methods", partial(draw_methods, table), "Methods side by side", f"All factors together. {seeds}"))
+        caption = f"Over all factors. {seeds}"
+        draw = partial(draw_methods, table)
+        drawings.append(Drawing(stem="methods", draw=draw, title="Methods side by side", caption=caption))
     if along and series:
-        caption = f"Share of cases with a safe plan: its outline touches no device, no edge and not the closed area. {seeds}"
-        plans.append(("outcome", partial(draw_outcome, table, along=along, across=series), "Outcome", caption))
-    return write_planned(plans, folder)
+        caption = (
+            "Share of cases with a safe plan: the outline on the planned path touches no device, no pavement edge and not the "
+            f"closed area. {seeds}"
+        )
+        draw = partial(draw_outcome, table, along=along, across=series)
+        drawings.append(Drawing(stem="outcome", draw=draw, title="Safe plans over two factors", caption=caption))
+    return save_drawings(drawings, folder)
 
 
 def draw_quality(table: pd.DataFrame, *, along: str, series: str | None) -> Figure:
-    """IoU and share of safe plans over a factor, a panel a method, a line a value of `series`."""
+    """IoU and share of safe plans over the factor `along`: one panel per method, one line per value of `series`."""
     methods = list(dict.fromkeys(table["method"]))
     measures = ("iou", "safe_plan")
     figure, axes = _panels(len(measures), len(methods))
@@ -84,7 +97,7 @@ def draw_quality(table: pd.DataFrame, *, along: str, series: str | None) -> Figu
 
 
 def draw_minutes(table: pd.DataFrame) -> Figure:
-    """Minutes until the map is good enough over the penetration rate, a panel a method, a line a flow."""
+    """Minutes until enough traces are collected over the penetration rate: one panel per method, one line per flow."""
     flow, penetration = "simulation.demand.flow_vph", "crowd.penetration"
     factors = table.attrs["factors"]
     along, series = (penetration, flow if flow in factors else None) if penetration in factors else (flow, None)
@@ -121,7 +134,7 @@ def draw_minutes(table: pd.DataFrame) -> Figure:
 
 
 def draw_methods(table: pd.DataFrame) -> Figure:
-    """Every method's quality and share of safe plans, one below the other."""
+    """Map quality and share of safe plans of every method, one method per row."""
     measures = ("precision", "recall", "iou", "safe_plan")
     figure, axes = _panels(1, len(measures), height=0.6 + 0.42 * table["method"].nunique())
     for panel, measure in zip(axes[0], measures, strict=True):
@@ -136,7 +149,7 @@ def draw_methods(table: pd.DataFrame) -> Figure:
 
 
 def draw_outcome(table: pd.DataFrame, *, along: str, across: str) -> Figure:
-    """Share of safe plans over two factors, a panel a method, the share and n in every cell."""
+    """Share of safe plans over two factors: one panel per method, with the share and n in every cell."""
     methods = list(dict.fromkeys(table["method"]))
     figure, axes = _panels(1, len(methods), height=0.9 + 0.55 * table[across].nunique())
     for panel, method in zip(axes[0], methods, strict=True):
@@ -156,13 +169,13 @@ def draw_outcome(table: pd.DataFrame, *, along: str, across: str) -> Figure:
 
 
 def name_of(factor: str) -> str:
-    """What a factor is called in a figure, with its unit."""
+    """The name of a factor in a figure, with its unit."""
     unit = column_of(factor).unit
     return NAMES.get(factor, f"{factor} [{unit}]" if unit not in {"", "1"} else factor)
 
 
 def _lines_by(frame: pd.DataFrame, series: str | None) -> list[tuple[str, pd.DataFrame]]:
-    """The rows of each value of a factor, by its text; all of them where there is no factor."""
+    """The rows of each value of the factor `series`, with the value as text; all rows where there is no such factor."""
     if series is None:
         return [("all cases", frame)]
     levels = np.sort(frame[series].unique())
@@ -189,7 +202,7 @@ def _draw_line(panel: Axes, line: pd.DataFrame, along: str, number: int, *, labe
 
 
 def _places(values: pd.Series, number: int, *, levels: pd.Series) -> np.ndarray:
-    """Places of factor values: evenly spaced, for levels are often 1, 2, 5, 10; lines stand beside each other, not on top."""
+    """Places of factor values: evenly spaced, since levels are often 1, 2, 5, 10, and shifted by line against overlap."""
     order = np.sort(levels.unique())
     return np.searchsorted(order, values.to_numpy()) + 0.06 * number
 

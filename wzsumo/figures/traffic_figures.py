@@ -1,4 +1,4 @@
-"""The space-time diagram: where and when the fleet was slow."""
+"""The space-time diagram of the traffic: mean speed over time and station."""
 
 import numpy as np
 import pandas as pd
@@ -9,15 +9,15 @@ from wzsumo.files.result_folder import ResultFolder
 
 
 def draw_space_time(run: ResultFolder, cells: pd.DataFrame) -> Figure:
-    """Space-mean speed of `cells` over time and station, all lanes together, with the zone's areas at its edge."""
+    """Space-mean speed of `cells` over time and station, all lanes together, with the names of the zone's areas."""
     figure, (axes,) = new_figure(1, row_height=4.2, head=0.3)
     speed = cells.pivot_table(index="station_m", columns="time_s", values="speed_mps", dropna=False)
     times, stations = _edges(speed.columns.to_numpy(dtype=float)), _edges(speed.index.to_numpy(dtype=float))
-    # cividis: even in lightness, the same to the colour-blind (Nunez, Anderton and Renslow 2018).
+    # cividis: uniform in lightness, and the colour-blind see it alike (Nunez, Anderton and Renslow 2018).
     mesh = axes.pcolormesh(times, stations, np.ma.masked_invalid(speed.to_numpy()), cmap="cividis", vmin=0, rasterized=True)
     axes.set_facecolor("white")
     bottom, height = axes.get_position().y0, axes.get_position().height
-    axes.set_position((0.075, bottom, 0.715, height))  # beside it: names of areas, scale of speeds
+    axes.set_position((0.075, bottom, 0.715, height))  # leaves room for the names of areas and the scale of speeds
     figure.colorbar(mesh, cax=figure.add_axes((0.925, bottom, 0.015, height)), label="speed [m/s]")
     for name, start, end in run.areas:
         axes.axhline(start, color=BLACK, linewidth=0.6, linestyle=":")

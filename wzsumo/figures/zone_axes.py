@@ -1,4 +1,4 @@
-"""Axes that show a work zone, a kilometre long and twenty metres wide, with the stretch of its width stated."""
+"""Axes that show a work zone in road coordinates. A zone is long and narrow, so the offset is drawn to a larger scale."""
 
 from itertools import pairwise
 from typing import Any
@@ -14,26 +14,26 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.figures.unrolled import unrolled_area, unrolled_cells
+from wzsumo.figures.road_coordinates import area_in_road_coordinates, cells_in_road_coordinates
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.grid import OccupancyGrid
 
-# Okabe and Ito 2008, "Color universal design": eight colours that the colour-blind tell apart.
+# Okabe and Ito 2008, "Color universal design": eight colours that the colour-blind can tell apart.
 BLACK, ORANGE, SKY_BLUE, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 GREY = "#D9D9D9"
-WIDTH_IN, AXES_IN = 10.5, (0.7875, 10.29)  # of a figure, and where its axes begin and end on it
-PIXELS = (1500, 400)  # of an unrolled map, along and across: a pixel or more for each of a figure's
-MARGIN_M = (25.0, 1.0)  # shown beyond the zone along and across the road
+WIDTH_IN, AXES_IN = 10.5, (0.7875, 10.29)  # width of a figure, left and right end of its axes
+MAP_PIXELS = (1500, 400)  # of a map's image, along and across the road: at least the figure's own resolution
+MARGIN_M = (25.0, 1.0)  # shown around the zone, along and across the road
 
 
 def new_figure(rows: int, *, row_height: float, head: float = 0.55) -> tuple[Figure, list[Axes]]:
-    """A figure of `rows` axes, one below the other, each `row_height` inches high, under a head for titles and legend."""
+    """A figure of `rows` axes, each `row_height` inches high, below a head of `head` inches for title and legend."""
     return stacked_figure([row_height] * rows, gaps=[0.72] * (rows - 1), head=head)
 
 
 def stacked_figure(heights: list[float], *, gaps: list[float], head: float) -> tuple[Figure, list[Axes]]:
-    """A figure of axes `heights` inches high, one below the other with `gaps` inches between, under a head of `head` inches."""
+    """A figure of axes with these heights and gaps between them [inches], below a head of `head` inches for the legend."""
     foot = 0.55
     height = head + sum(heights) + sum(gaps) + foot
     figure = Figure(figsize=(WIDTH_IN, height), dpi=150)
@@ -46,11 +46,11 @@ def stacked_figure(heights: list[float], *, gaps: list[float], head: float) -> t
     return figure, axes
 
 
-def show_zone(axes: Axes, run: ResultFolder, *, stretch_of: tuple[float, float] | None = None) -> None:
-    """Draw pavement, closed area and devices, unrolled, from the first station to the last [m], by default the whole zone."""
-    start, end = stretch_of or (run.span[0] - MARGIN_M[0], run.span[1] + MARGIN_M[0])
+def show_zone(axes: Axes, run: ResultFolder, *, interval: tuple[float, float] | None = None) -> None:
+    """Draw pavement, closed area and devices within an interval of stations [m]; without one the whole zone."""
+    start, end = interval or (run.span[0] - MARGIN_M[0], run.span[1] + MARGIN_M[0])
     road = run.road
-    pavement, closed = (unrolled_area(run.polygons[name], road) for name in ("pavement", "closed_area"))
+    pavement, closed = (area_in_road_coordinates(run.polygons[name], road) for name in ("pavement", "closed_area"))
     add_area(axes, pavement, label="open pavement", facecolor="#EDEDED", edgecolor="#777777", linewidth=0.7)
     add_area(axes, closed, label="closed area", facecolor=ORANGE, alpha=0.3, edgecolor="none")
     show_devices(axes, run.devices)
@@ -59,7 +59,7 @@ def show_zone(axes: Axes, run: ResultFolder, *, stretch_of: tuple[float, float] 
 
 
 def show_devices(axes: Axes, devices: pd.DataFrame) -> None:
-    """Mark the devices at their stations: a dot each, and a line along each piece of barrier."""
+    """Draw each device as a dot, and each piece of barrier as a line along it."""
     pieces = devices["length_m"].to_numpy(dtype=float) > 0
     dots, walls = devices[~pieces], devices[pieces]
     axes.scatter(dots["s_m"], dots["d_m"], s=5, color=VERMILION, label="device", zorder=5, linewidths=0)
@@ -70,11 +70,11 @@ def show_devices(axes: Axes, devices: pd.DataFrame) -> None:
 
 
 def show_cells(axes: Axes, run: ResultFolder, values: npt.NDArray[Any], grid: OccupancyGrid, **style: Any) -> None:
-    """Draw the values of a grid's cells, unrolled, over the axes as they are; every pixel shows the cell that it lies in."""
+    """Draw the values of a grid's cells within the limits of the axes; each pixel shows the cell in which it lies."""
     limits = axes.get_xlim(), axes.get_ylim()
-    edges = [np.linspace(*limit, n + 1) for limit, n in zip(limits, PIXELS, strict=True)]
+    edges = [np.linspace(*limit, n + 1) for limit, n in zip(limits, MAP_PIXELS, strict=True)]
     stations, offsets = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
-    image = unrolled_cells(values, grid, run.road, stations=stations, offsets=offsets)
+    image = cells_in_road_coordinates(values, grid, run.road, stations=stations, offsets=offsets)
     axes.imshow(
         image, origin="lower", extent=(*limits[0], *limits[1]), aspect="auto", interpolation="nearest", zorder=3, **style
     )
@@ -82,14 +82,14 @@ def show_cells(axes: Axes, run: ResultFolder, values: npt.NDArray[Any], grid: Oc
 
 
 def state_stretch(axes: Axes) -> None:
-    """Label the axes with their unit and with how much longer a metre across the road is drawn than one along it."""
+    """Label the axes with their units and with the ratio of the scale across the road to the scale along it."""
     (x_0, x_1), (y_0, y_1) = axes.get_xlim(), axes.get_ylim()
     stretch = (axes.bbox.height / (y_1 - y_0)) / (axes.bbox.width / (x_1 - x_0))
     axes.set(xlabel=f"station [m]  (the offset is stretched {stretch:.1f} : 1)", ylabel="offset [m]")
 
 
 def add_area(axes: Axes, area: BaseGeometry, *, label: str | None = None, **style: Any) -> None:
-    """Fill a polygon or several."""
+    """Draw a polygon or several, with their holes."""
     rings = [
         Outline(np.asarray(ring.coords), closed=True)
         for part in getattr(area, "geoms", [area])
@@ -101,7 +101,7 @@ def add_area(axes: Axes, area: BaseGeometry, *, label: str | None = None, **styl
 
 
 def legend_above(figure: Figure, axes: Axes, *, columns: int = 7) -> None:
-    """Put the legend of `axes` at the top of the figure, out of the way of the data."""
+    """Put the legend of `axes` at the top of the figure, above the data."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="upper right", ncols=columns, frameon=False, fontsize=8, borderaxespad=0.3, markerscale=2.5
@@ -109,11 +109,11 @@ def legend_above(figure: Figure, axes: Axes, *, columns: int = 7) -> None:
 
 
 def thirds(run: ResultFolder) -> list[tuple[float, float]]:
-    """Three stretches [m] that cover the zone, so that a decimetre across the road can be seen."""
+    """Three intervals of stations [m] that cover the zone, short enough that a decimetre across the road is visible."""
     edges = np.linspace(run.span[0] - MARGIN_M[0], run.span[1] + MARGIN_M[0], 4)
     return [(float(a), float(b)) for a, b in pairwise(edges)]
 
 
 def plain(text: str) -> str:
-    """The text with the sign escaped that matplotlib takes for mathematics."""
+    """The text with its dollar signs escaped, which matplotlib would read as mathematics."""
     return text.replace("$", r"\$")

@@ -1,4 +1,4 @@
-"""What report.html needs to play a drive back: the ego, the vehicles around it and the zone, as plain numbers."""
+"""The data with which report.html plays a drive back: the ego, the vehicles around it and the zone, as JSON."""
 
 import json
 from typing import Any
@@ -10,15 +10,15 @@ from shapely.geometry.base import BaseGeometry
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.frames import advance
 
-FRAME_S = 0.2  # between two frames; the page interpolates
-TOLERANCE_M = 0.05  # to which outlines of areas are thinned out
+FRAME_S = 0.2  # time between two frames, between which the page interpolates
+OUTLINE_TOLERANCE_M = 0.05  # by which the simplified outlines of areas may differ from the areas
 
 
 def player_data(run: ResultFolder, method: str | None) -> str | None:
-    """JSON of the method's drive, None where nothing was driven; metres in the world frame, rounded to the centimetre.
+    """JSON of the method's drive; None where nothing was driven. World frame, metres rounded to the centimetre.
 
-    `ego` and each of `others[frame]` are [x, y, heading, ...] of vehicle CENTRES: the ego with its speed, the others with a
-    number that stands for the vehicle, its length and its width.
+    `ego` holds [x, y, heading, speed] of each frame. `others` holds, for each frame, [x, y, heading, number, length, width] of
+    each vehicle; the number names the vehicle. Positions are of vehicle CENTRES.
     """
     log, traffic = (run.drive_of(method), run.drive_traffic_of(method)) if method else (None, None)
     if log is None or traffic is None or len(log) < 2:
@@ -43,13 +43,14 @@ def player_data(run: ResultFolder, method: str | None) -> str | None:
 
 
 def _on_frames(time_s: "pd.Series[float]") -> "pd.Series[bool]":
+    """Whether times (n,) [s] are those of frames."""
     ticks = time_s / FRAME_S
     return (ticks - ticks.round()).abs() < 0.01
 
 
 def _rings(area: BaseGeometry) -> list[list[list[float]]]:
     parts = getattr(area, "geoms", [area])
-    return [_rounded(np.asarray(part.simplify(TOLERANCE_M).exterior.coords)) for part in parts if not part.is_empty]
+    return [_rounded(np.asarray(part.simplify(OUTLINE_TOLERANCE_M).exterior.coords)) for part in parts if not part.is_empty]
 
 
 def _rounded(values: Any) -> list[list[float]]:

@@ -1,4 +1,4 @@
-"""What the reports of a run and of a study share: their template engine, and figures embedded in the page."""
+"""What the pages of a run and of a study share: the template engine, and figures embedded in the page."""
 
 import base64
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ from wzsumo.figures.figure_files import ReportFigure
 
 
 def page_template(name: str) -> Template:
-    """A page's template of this package. An undefined value in it is an error; the values filled in are escaped."""
+    """The template of a page. Values are escaped, and a value that is missing raises an error."""
     environment = Environment(
         loader=PackageLoader("wzsumo.report", "."),
         autoescape=True,
@@ -21,7 +21,7 @@ def page_template(name: str) -> Template:
 
 
 def embedded(figures: Iterable[ReportFigure]) -> list[dict[str, str]]:
-    """Title, caption and image (PNG in base64) of each figure, as the templates take them."""
+    """Title, caption and image (PNG in base64) of each figure, for the templates."""
     return [
         {"title": each.title, "caption": each.caption, "png": base64.b64encode(each.path.read_bytes()).decode("ascii")}
         for each in figures

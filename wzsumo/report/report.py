@@ -1,6 +1,5 @@
-"""report.html of a run: one self-contained page that says whether the ego reached its goal and shows every figure."""
+"""report.html of a run: one page, without other files, that says whether the ego reached its goal and shows every figure."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from wzsumo.errors import OutputError
 from wzsumo.files.result_folder import ResultFolder, read_result_folder
 from wzsumo.report.drive_player import player_data
 from wzsumo.report.page import embedded, page_template
-from wzsumo.report.tables import DASH, goal_rows, outcome_in_words, traffic_rows
+from wzsumo.report.tables import DASH, goal_rows, metres, outcome_in_words, percent, traffic_rows
 
 CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
 NOT_RUN_NAMES = {"slam": "LiDAR SLAM baseline"}
@@ -21,9 +20,9 @@ NOT_RUN_NAMES = {"slam": "LiDAR SLAM baseline"}
 def write_report(folder: Path) -> Path:
     """The path of report.html, written to a run's result folder together with figures/*.png.
 
-    Raises InputError where the folder is not one that a run wrote, OutputError where it cannot be written to.
+    Raises InputError where no run wrote the folder, OutputError where it cannot be written to.
     """
-    from wzsumo.figures.figures import write_figures  # matplotlib is slow to load, and only a report needs it
+    from wzsumo.figures.figures import write_figures  # matplotlib loads slowly, and only a report needs it
 
     run = read_result_folder(folder)
     path = folder / "report.html"
@@ -36,29 +35,11 @@ def write_report(folder: Path) -> Path:
 
 
 def best_method(methods: Mapping[str, Mapping[str, Any]]) -> str | None:
-    """The crowd's method whose map has the highest IoU, among those that reached the goal where any did."""
+    """The crowd method with the highest IoU, among those that reached the goal if any did; None without a crowd method."""
     crowd = {name: m for name, m in methods.items() if not is_baseline(name)}
     arrived = {name: m for name, m in crowd.items() if m.get("outcome") == Outcome.REACHED_GOAL}
     candidates = arrived or crowd
     return max(candidates, key=lambda name: candidates[name].get("iou") or 0.0, default=None)
-
-
-def percent(share: float | None) -> str:
-    """A share as percent, a dash where there is none.
-
-    >>> percent(0.9008)
-    '90.08 %'
-    """
-    return DASH if share is None or math.isnan(share) else f"{100 * share:.2f} %"
-
-
-def metres(length: float | None) -> str:
-    """A length to the millimetre, a dash where there is none.
-
-    >>> metres(1.2968)
-    '1.297 m'
-    """
-    return DASH if length is None or math.isnan(length) else f"{length:.3f} m"
 
 
 def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
@@ -87,7 +68,7 @@ def _slam_facts(slam: Mapping[str, Any]) -> str:
     return (
         f"LiDAR mapping drive of vehicle {slam['vehicle_id']}: {slam['n_scans']} scans ({states}); position error "
         f"{metres(slam['ate_m'])} rms with LOAM, IMU and RTK, {metres(slam['dead_reckoning_ate_m'])} by dead reckoning; "
-        f"{slam['n_devices_mapped']} devices found, {slam['n_links']} gaps between them closed in form (c)."
+        f"{slam['n_devices_mapped']} devices found, {slam['n_links']} gaps between devices closed in the map `slam_barrier`."
     )
 
 
@@ -101,30 +82,32 @@ def _not_run(result: Mapping[str, Any]) -> dict[str, str]:
 def _verdict(method: Mapping[str, Any]) -> dict[str, str]:
     if not method:
         return {}
-    yes = method.get("outcome") == Outcome.REACHED_GOAL
-    return {"answer": "Yes" if yes else "No", "end": outcome_in_words(method), "reason": _text(method.get("reason"))} | _row(
-        method
-    )
+    reached = method.get("outcome") == Outcome.REACHED_GOAL
+    return {
+        "answer": "Yes" if reached else "No",
+        "end": outcome_in_words(method),
+        "reason": _text(method.get("reason")),
+    } | _quality_and_clearances(method)
 
 
 def _comparison(run: ResultFolder, best: str | None) -> list[tuple[str, str, str]]:
-    here = _row(run.methods.get(best or "", {}))
+    measured = _quality_and_clearances(run.methods.get(best or "", {}))
     return [
-        ("Precision of the map", "90.08 %", here["precision"]),
-        ("Recall of the map", "left out", here["recall"]),
-        ("Intersection over union (IoU)", "left out", here["iou"]),
+        ("Precision of the map", "90.08 %", measured["precision"]),
+        ("Recall of the map", "not reported", measured["recall"]),
+        ("Intersection over union (IoU)", "not reported", measured["iou"]),
         ("Components K of the mixture", "15", _text(run.result.get("n_components"))),
-        ("Least clearance to cones, planned path", "1.297 m", here["planned_devices"]),
-        ("Least clearance to road edge, planned path", "3.50 m", here["planned_edge"]),
-        ("Least clearance to cones, driven", "left out", here["driven_devices"]),
-        ("Least clearance to road edge, driven", "left out", here["driven_edge"]),
-        ("Share of the driven path in the closed area", "left out", here["driven_closed"]),
+        ("Least clearance to cones, planned path", "1.297 m", measured["planned_devices"]),
+        ("Least clearance to road edge, planned path", "3.50 m", measured["planned_edge"]),
+        ("Least clearance to cones, driven", "not reported", measured["driven_devices"]),
+        ("Least clearance to road edge, driven", "not reported", measured["driven_edge"]),
+        ("Share of the driven path in the closed area", "not reported", measured["driven_closed"]),
     ]
 
 
 def _method_row(name: str, method: Mapping[str, Any]) -> dict[str, str]:
     plan_ms = method.get("plan_ms")
-    return _row(method) | {
+    return _quality_and_clearances(method) | {
         "name": name,
         "outcome": outcome_in_words(method),
         "reason": _text(method.get("reason")),
@@ -135,12 +118,12 @@ def _method_row(name: str, method: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _row(method: Mapping[str, Any]) -> dict[str, str]:
+def _quality_and_clearances(method: Mapping[str, Any]) -> dict[str, str]:
     row = {key: percent(method.get(key)) for key in ("precision", "recall", "iou")}
     for stage in ("planned", "driven"):
-        measured = method.get(stage) or {}
-        devices, edge = (metres(measured.get(key)) for key in CLEARANCES)
-        closed = percent(measured.get("closed_area_share"))
+        figures = method.get(stage) or {}
+        devices, edge = (metres(figures.get(key)) for key in CLEARANCES)
+        closed = percent(figures.get("closed_area_share"))
         row |= {f"{stage}_devices": devices, f"{stage}_edge": edge, f"{stage}_closed": closed}
     return row
 
@@ -158,4 +141,5 @@ def _fleet_rows(fleet: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _text(value: object) -> str:
+    """The value as text, a dash where there is none."""
     return DASH if value is None or value == "" else str(value)

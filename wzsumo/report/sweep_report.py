@@ -1,4 +1,4 @@
-"""report.html of a study: its answers, figures and tables, and every case with the command that runs it alone."""
+"""report.html of a study: answers, figures, tables, and every case with the command that runs it alone."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,9 +14,9 @@ from wzsumo.sweep.store import read_study
 from wzsumo.sweep.summary import REQUIRED_SAFE_SHARE, TRACES_FACTOR, compare, summarise, traces_needed, write_table
 from wzsumo.sweep.version import code_version
 
-MAX_CASE_ROWS = 2000  # on a page; results.parquet holds all cases
+MAX_CASE_ROWS = 2000  # cases on the page; results.parquet holds all
 MEASURES = ("safe_plan", "iou", "precision", "recall", "planned_min_clearance_devices_m")
-SHOWN = (
+CASE_COLUMNS_SHOWN = (
     "status", "plan_status", "safe_plan", "precision", "recall", "iou", "planned_min_clearance_devices_m",
     "planned_min_clearance_road_edge_m", "planned_closed_area_share", "n_components", "minutes_to_collect", "outcome",
 )  # fmt: skip
@@ -27,7 +27,7 @@ def write_sweep_report(folder: Path) -> Path:
 
     Raises InputError where the folder holds no study or none of its cases is finished.
     """
-    from wzsumo.figures.sweep_figures import write_sweep_figures  # matplotlib is slow to load, and only a report needs it
+    from wzsumo.figures.sweep_figures import write_sweep_figures  # matplotlib loads slowly, and only a report needs it
 
     study, table = read_study(folder), read_results(folder)
     factors = [name for name in table.attrs["factors"] if name != "seed"]
@@ -41,9 +41,9 @@ def write_sweep_report(folder: Path) -> Path:
         folder=str(folder),
         facts=f"{len(table)} of {len(study.cases)} cases · {simulations} simulations · {seeds} seeds · wzsumo {code_version()}",
         answers=_answers(table, factors),
-        troubles=table.loc[table["status"] != "DONE", "reason"].value_counts().items(),
+        not_done=table.loc[table["status"] != "DONE", "reason"].value_counts().items(),
         figures=figures,
-        tables=[_shown(part) for part in [*tables, _cases(table, factors)]],
+        tables=[_template_table(part) for part in [*tables, _cases(table, factors)]],
         rerun={path.parent.name for path in folder.glob("cases/*/report.html")},
     )
     write_whole(folder / "report.html", page.encode())
@@ -51,7 +51,7 @@ def write_sweep_report(folder: Path) -> Path:
 
 
 def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
-    """Sentences that answer the study, a method each."""
+    """Sentences that answer the study's question, one per method."""
     takes_traces = ~table["method"].map(is_baseline).astype(bool) & (TRACES_FACTOR in factors)
     lines = _traces_answers(table, factors) if takes_traces.any() else []
     if takes_traces.all():
@@ -72,12 +72,12 @@ def _traces_answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
         if not pd.isna(row["traces"]):
             text = (
                 f"{row['traces']:.0f} trace(s) give a safe plan in {required} of the cases, {n}; "
-                f"so many came in after {row['minutes']:.1f} min on average."
+                f"they are collected after {row['minutes']:.1f} min on average."
             )
         elif row["best_share"] >= REQUIRED_SAFE_SHARE:
             text = f"{best} give a safe plan in {share} of the cases, {n}, but some larger number in fewer than {required}."
         else:
-            text = f"no number of traces gives a safe plan in {required} of the cases; {best} come nearest: {share}, {n}."
+            text = f"no number of traces gives a safe plan in {required} of the cases; {share} with {best} is the most, {n}."
         lines.append(f"{row['method']}{at}: {text}")
     return lines
 
@@ -91,7 +91,7 @@ def _tables(table: pd.DataFrame, factors: list[str]) -> list[dict[str, Any]]:
         {
             "stem": "summary",
             "title": "Means over seeds",
-            "note": "n counts seeds; low and high end the 95 % bootstrap interval of the mean. Click a head to sort.",
+            "note": "n counts seeds; low and high are the ends of the mean's 95 % bootstrap interval. Click a name to sort.",
             "frame": long[[*by, "measure", "unit", "n", "mean", "median", "low", "high"]],
         }
     ]
@@ -115,7 +115,7 @@ def _tables(table: pd.DataFrame, factors: list[str]) -> list[dict[str, Any]]:
 
 def _cases(table: pd.DataFrame, factors: list[str]) -> dict[str, Any]:
     few = table.head(MAX_CASE_ROWS)
-    shown = [name for name in SHOWN if few[name].notna().any()]
+    shown = [name for name in CASE_COLUMNS_SHOWN if few[name].notna().any()]
     rest = "" if len(few) == len(table) else f" The first {MAX_CASE_ROWS} of {len(table)}; all are in results.parquet."
     return {
         "title": "Cases",
@@ -124,7 +124,7 @@ def _cases(table: pd.DataFrame, factors: list[str]) -> dict[str, Any]:
     }
 
 
-def _shown(part: dict[str, Any]) -> dict[str, Any]:
+def _template_table(part: dict[str, Any]) -> dict[str, Any]:
     frame: pd.DataFrame = part["frame"]
     columns = [
         {

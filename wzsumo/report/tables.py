@@ -1,17 +1,18 @@
-"""The figures of result.json as rows of a report's tables."""
+"""Rows of a report's tables from the figures of result.json, and figures as text."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 DASH = "-"
 GOALS = ("own_lane", "open_lane")
-# What to say of a plan that has no path, by its status.
+# How a plan without a path ended, by its status.
 _NO_PATH_IN_WORDS = {
     "LIMIT_REACHED": "planner gave up at its limit",
     "START_OCCUPIED": "start is not free",
     "GOAL_OCCUPIED": "goal is not free",
 }
-# Key of result.json["traffic"], what it says, its unit, decimals.
+# Key of result.json["traffic"], name of the quantity, unit, decimals.
 _ROWS = (
     ("n_vehicles", "Vehicles due to enter the road", "", 0),
     ("n_arrived", "Vehicles that arrived at its end", "", 0),
@@ -41,8 +42,26 @@ _ROWS = (
 )
 
 
+def percent(share: float | None, *, decimals: int = 2) -> str:
+    """A share in percent, a dash where there is none.
+
+    >>> percent(0.9008)
+    '90.08 %'
+    """
+    return DASH if share is None or math.isnan(share) else f"{100 * share:.{decimals}f} %"
+
+
+def metres(length: float | None) -> str:
+    """A length to the millimetre, a dash where there is none.
+
+    >>> metres(1.2968)
+    '1.297 m'
+    """
+    return DASH if length is None or math.isnan(length) else f"{length:.3f} m"
+
+
 def traffic_rows(traffic: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """(quantity, value with its unit) of every measure of a run; a dash where there was nothing to measure."""
+    """(quantity, value with its unit) of every traffic figure of a run; a dash where nothing could be measured."""
     return [(name, _value(traffic[key], unit, decimals)) for key, name, unit, decimals in _ROWS if key in traffic]
 
 
@@ -51,38 +70,34 @@ def _value(value: float | None, unit: str, decimals: int) -> str:
 
 
 def outcome_code(figures: Mapping[str, Any], key: str = "outcome") -> str:
-    """The outcome under `key`; where there is no path, how planning ended.
+    """The outcome under `key`. Where no path was found it is the planner's status, if that says more.
 
-    A planner that gave up at its limit has not shown that there is no path.
+    A planner that stopped at its limit, for example, has not shown that there is no path.
     """
     outcome, status = str(figures.get(key) or DASH), figures.get("plan_status")
     return str(status) if outcome == "NO_PATH" and status in _NO_PATH_IN_WORDS else outcome
 
 
 def outcome_in_words(figures: Mapping[str, Any], key: str = "outcome") -> str:
-    """The same as a reader would say it."""
+    """The outcome of `outcome_code` in words."""
     code = outcome_code(figures, key)
     return _NO_PATH_IN_WORDS.get(code, code.replace("_", " ").lower())
 
 
 def goal_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
-    """One row a method that has figures of its goals: name, quality of its map, and of each goal what the path does."""
+    """One row per method with figures of its goals: its name, the quality of its map, and what the path to each goal does."""
     rows = []
     for name, method in methods.items():
         goals = method.get("goals") or {}
         if not goals:
             continue
-        row = {"name": name} | {key: _percent(method.get(key)) for key in ("precision", "recall", "iou")}
+        row = {"name": name} | {key: percent(method.get(key), decimals=1) for key in ("precision", "recall", "iou")}
         for goal in GOALS:
             figures = goals.get(goal) or {}
             row |= {
                 f"{goal}_outcome": outcome_in_words(figures, "planned_outcome"),
-                f"{goal}_closed": _percent(figures.get("closed_area_share")),
+                f"{goal}_closed": percent(figures.get("closed_area_share"), decimals=1),
                 f"{goal}_struck": DASH if figures.get("n_devices_struck") is None else str(figures["n_devices_struck"]),
             }
         rows.append(row)
     return rows
-
-
-def _percent(share: float | None) -> str:
-    return DASH if share is None else f"{100 * share:.1f} %"

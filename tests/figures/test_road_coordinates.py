@@ -8,7 +8,7 @@ from builders import bent_road, paper_work_zone
 from shapely.geometry import shape
 
 from wzsumo.figures.layout_figure import draw_zone
-from wzsumo.figures.unrolled import unrolled_area, unrolled_cells, unrolled_points
+from wzsumo.figures.road_coordinates import area_in_road_coordinates, cells_in_road_coordinates, points_in_road_coordinates
 from wzsumo.files.layout import layout_geojson
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.grid import blank_grid, cells_inside
@@ -26,13 +26,13 @@ def zone_of(layout: WorkZoneLayout, folder: Path) -> ResultFolder:
 
 def test_strip_of_a_bend_unrolls_to_a_rectangle() -> None:
     strip = ROAD.strip(200, 1200, -3.0, 11.0)
-    assert unrolled_area(strip, ROAD).symmetric_difference(shapely.box(200, -3, 1200, 11)).area < 1e-3 * 14 * 1000
+    assert area_in_road_coordinates(strip, ROAD).symmetric_difference(shapely.box(200, -3, 1200, 11)).area < 1e-3 * 14 * 1000
 
 
 def test_straight_edge_across_a_bend_unrolls_to_a_curve() -> None:
     chord = shapely.LineString(ROAD.to_xy([600, 700], [0, 0])).buffer(0.5, cap_style="flat")
     # The sagitta of a 100 m chord on 300 m less 18 ft: c^2 / (8 R).
-    assert abs(unrolled_area(chord, ROAD).bounds[1]) == pytest.approx(100**2 / (8 * 305.5) + 0.5, rel=0.05)
+    assert abs(area_in_road_coordinates(chord, ROAD).bounds[1]) == pytest.approx(100**2 / (8 * 305.5) + 0.5, rel=0.05)
 
 
 def test_every_pixel_of_an_unrolled_map_is_the_cell_that_its_point_lies_in() -> None:
@@ -40,7 +40,7 @@ def test_every_pixel_of_an_unrolled_map_is_the_cell_that_its_point_lies_in() -> 
     grid = blank_grid(area.buffer(3.0).bounds, resolution=0.25, p_occupied=0.0)
     values = cells_inside(grid, area)
     stations, offsets = np.linspace(380, 820, 300), np.linspace(-6, 14, 60)
-    image = unrolled_cells(values, grid, ROAD, stations=stations, offsets=offsets)
+    image = cells_in_road_coordinates(values, grid, ROAD, stations=stations, offsets=offsets)
     for row, col in np.random.default_rng(1).integers((60, 300), size=(200, 2)):
         x, y = ROAD.to_xy(stations[col], offsets[row])
         inside = grid.contains([[x, y]])[0]
@@ -58,7 +58,9 @@ def test_zone_read_from_its_file_has_the_road_devices_and_lanes_of_the_layout(tm
     assert zone.devices[["x_m", "y_m", "s_m"]].to_numpy() == pytest.approx(layout.devices[["x_m", "y_m", "s_m"]].to_numpy())
     signs = zone.signs[zone.signs["s_m"].between(0, ROAD.length)]
     assert len(signs) == 2
-    assert unrolled_points(signs[["x_m", "y_m"]], zone.road) == pytest.approx(signs[["s_m", "d_m"]].to_numpy(dtype=float))
+    assert points_in_road_coordinates(signs[["x_m", "y_m"]], zone.road) == pytest.approx(
+        signs[["s_m", "d_m"]].to_numpy(dtype=float)
+    )
     activity = layout.area("activity area")
     lanes_ft = np.array(zone.lanes_at((activity.start + activity.end) / 2)) / 0.3048
     assert lanes_ft == pytest.approx(np.array([[-10, 1], [1, 12]]), abs=1e-3)  # two 11 ft lanes, shifted by 12 ft

@@ -1,4 +1,4 @@
-"""What lies on a road, unrolled: stations along x and lateral offsets along y, so that a bend is drawn like a straight."""
+"""Points, areas and maps in road coordinates, station and lateral offset, so that a figure shows a bend like a straight."""
 
 from typing import Any
 
@@ -11,24 +11,24 @@ from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.road import Road
 
-VERTEX_SPACING_M = 5.0  # of an outline: on a radius of 300 m its chords are 1 cm off
+VERTEX_SPACING_M = 5.0  # of an outline; a chord of 5 m is 1 cm off an arc with a radius of 300 m
 
 
-def unrolled_points(points: npt.ArrayLike, road: Road) -> FloatArray:
-    """(station, offset) (n, 2) [m] of world points (n, 2)."""
+def points_in_road_coordinates(points: npt.ArrayLike, road: Road) -> FloatArray:
+    """Stations and lateral offsets (n, 2) [m] of world points (n, 2)."""
     return np.column_stack(road.to_sd(points))
 
 
-def unrolled_area(area: BaseGeometry, road: Road) -> BaseGeometry:
-    """A polygon of the world, or several, with stations for x and offsets for y."""
+def area_in_road_coordinates(area: BaseGeometry, road: Road) -> BaseGeometry:
+    """A polygon or several of the world, with stations as x and lateral offsets as y."""
     fine = shapely.segmentize(area, VERTEX_SPACING_M)
-    return shapely.transform(fine, lambda points: unrolled_points(points, road))
+    return shapely.transform(fine, lambda points: points_in_road_coordinates(points, road))
 
 
-def unrolled_cells(
+def cells_in_road_coordinates(
     values: npt.NDArray[Any], grid: OccupancyGrid, road: Road, *, stations: FloatArray, offsets: FloatArray
 ) -> np.ma.MaskedArray[Any, Any]:
-    """Values (rows, cols) of a grid's cells at every station (n,) and offset (m,): an image (m, n), masked off the grid."""
+    """Image (m, n) of a grid's values (rows, cols) at stations (n,) and lateral offsets (m,), masked outside the grid."""
     points = road.to_xy(stations[None, :], offsets[:, None]).reshape(-1, 2)
     on_grid = grid.contains(points)
     image = np.zeros(len(points), dtype=values.dtype)
