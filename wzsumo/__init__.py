@@ -1,6 +1,6 @@
 """wzsumo: can an automated vehicle learn from the traces of the cars ahead where to drive through a work zone?
 
-The nouns and the verbs, loaded when they are first used:
+The nouns and the verbs. Each is loaded when it is first used:
 
 >>> import wzsumo
 >>> layout = wzsumo.load_scenario("scenarios/paper.toml").layout()

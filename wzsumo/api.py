@@ -1,4 +1,4 @@
-"""What `import wzsumo` gives beside the nouns: the verbs of the command line, for programs and notebooks."""
+"""The verbs of `import wzsumo`: what the command line does, for programs and notebooks."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -31,10 +31,10 @@ def run_case(
     progress: Progress = quiet_progress,
     in_window: bool = False,
 ) -> dict[str, Any]:
-    """Figures of one case, as in the result.json that it writes into `out` beside maps, paths, drives and report.html.
+    """Figures of one case, the content of result.json, after writing it, maps, paths, drives and report.html into `out`.
 
-    `methods` are names of map methods. Where none are given they are those of the crowd, and where the scenario has a section
-    `slam` all. `in_window` shows each drive live in sumo-gui. Nothing is written where the case cannot be run.
+    `methods` are names of map methods. Without names the methods of the crowd are run, or all methods where the scenario has
+    a section `slam`. `in_window` shows each drive live in sumo-gui. Nothing is written where the case cannot be run.
 
     >>> import wzsumo
     >>> scenario = wzsumo.load_scenario("scenarios/paper.toml", seed=21)
@@ -61,12 +61,12 @@ def build_map(
     resolution_m: float = 0.127,
     road: Path | str | None = None,
 ) -> OccupancyGrid:
-    """The map of anybody's traces: a table with vehicle_id, time_s, x_m, y_m, one row a fix, metres of a local frame.
+    """The map of a trace table: vehicle_id, time_s, x_m, y_m, one row per fix, in metres of a local frame.
 
-    `road` names a file that says how the road was before the zone, in the frame of the traces: a scenario, or a TOML file with
-    the sections [road] and [announced]; the defaults are those of `wzsumo map`. Free cells have p_occupied below 0.196; where
-    nobody drove is unknown, not free. Raises InputError where the table is no trace table, or is not on the road, and for a
-    resolution that is not above 0 and at most 10 m.
+    `road` names a file that describes the road before the zone, in the frame of the traces: a scenario, or a TOML file with
+    the sections [road] and [announced]. The defaults are those of `wzsumo map`. Free cells have a p_occupied below 0.196.
+    Ground that no vehicle drove on is unknown, not free. Raises InputError where the table is no trace table or its traces are
+    not on the road, and where the resolution is not above 0 and at most 10 m.
 
     >>> import pandas as pd, wzsumo
     >>> x = [float(x) for x in range(0, 200, 2)]
@@ -95,9 +95,9 @@ def plan(
     vehicle: VehicleGeometry | None = None,
     spec: PlannerSpec | None = None,
 ) -> Plan:
-    """The plan from `start` to `goal`, poses (x [m], y [m], heading [rad]) of the REAR AXLE, on a map.
+    """The plan on a map from `start` to `goal`, poses (x [m], y [m], heading [rad]) of the REAR AXLE.
 
-    A path that does not exist is a plan without one: `plan.path` is None and `plan.reason` says why.
+    Where no path is found `plan.path` is None and `plan.reason` says why.
 
     >>> import wzsumo
     >>> grid = wzsumo.blank_grid((0, -5, 120, 5), resolution=0.25, p_occupied=0.0)

@@ -1,4 +1,4 @@
-"""What a freeway work zone can carry: the work-zone model of the Highway Capacity Manual, 7th edition (HCM 7), Chapter 10.
+"""Capacity of a freeway work zone by the work-zone model of the Highway Capacity Manual, 7th edition (HCM 7), Chapter 10.
 
 The model is a regression on US freeway work zones (NCHRP Project 03-107). It counts passenger cars (pc):
 `heavy_vehicle_factor` turns them into vehicles.
@@ -15,20 +15,22 @@ from wzsumo.spec import Spec
 QUEUE_DISCHARGE_DROP = 0.134  # from capacity before breakdown to queue discharge, mean of NCHRP 03-107; HCM 7, Eq. 10-9
 MAX_LCSI = 2.0  # severer closures than 2-to-1 count as 2-to-1; HCM 7, text to Eq. 10-7
 MAX_SPEED_RATIO = 1.2  # of the normal to the work zone's speed limit; HCM 7, text to Eq. 10-10
-TRUCK_EQUIVALENT_PC = 2.0  # E_T on level terrain; HCM 7, Chapter 12
+TRUCK_EQUIVALENT_PC = 2.0  # passenger cars per truck, E_T on level terrain; HCM 7, Chapter 12
 FREEWAY_FFS_MPH = (55.0, 75.0)  # free-flow speeds of the manual's basic freeway segments; HCM 7, Chapter 12
 
 
 class SiteSpec(Spec):
-    """What the capacity model asks about the zone's site: area, light, barrier, speeds, ramps."""
+    """What the capacity model needs to know about the zone's site: area, light, barrier, speeds, ramps."""
 
     area: Literal["urban", "rural"] = "urban"
     light: Literal["day", "night"] = "day"
     barrier: Literal["soft", "hard"] | None = None  # soft: cones, drums; hard: concrete; None: as the zone's devices are
-    lateral_distance_ft: float = Field(0.0, ge=0, le=12)  # lane line to devices, which stand on it here; HCM 7: 0 to 12 ft
+    lateral_distance_ft: float = Field(
+        0.0, ge=0, le=12
+    )  # from the lane line to the devices, which stand on the line here; range: HCM 7
     normal_speed_limit_mph: float | None = Field(None, gt=0)  # without the zone; None: as posted in the zone
     free_flow_speed_mph: float | None = Field(None, gt=0)  # without the zone; None: normal limit + 5 mph, HCM 7, Chapter 12
-    total_ramp_density_per_mile: float = Field(0.0, ge=0, le=6)  # both sides, 3 miles up and down the road; 6: HCM 7, Ch. 12
+    total_ramp_density_per_mile: float = Field(0.0, ge=0, le=6)  # within 3 miles to either side; at most 6: HCM 7, Ch. 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,11 +40,11 @@ class ZoneCapacity:
     total_lanes: int
     open_lanes: int
     lane_closure_severity_index: float
-    queue_discharge_pcphpl: float  # while a queue waits upstream, 15-minute mean
-    capacity_pcphpl: float  # before breakdown, 15-minute mean
+    queue_discharge_pcphpl: float  # flow while a queue waits upstream, 15-minute mean
+    capacity_pcphpl: float  # flow before breakdown, 15-minute mean
     free_flow_speed_mph: float  # in the zone
-    capacity_adjustment_factor: float  # of the same freeway's capacity without a zone
-    speed_adjustment_factor: float  # of its free-flow speed
+    capacity_adjustment_factor: float  # share of the same freeway's capacity without a zone
+    speed_adjustment_factor: float  # share of its free-flow speed without a zone
     heavy_vehicle_factor: float  # vehicles per passenger car
     queue_discharge_all_lanes_vph: float
     capacity_all_lanes_vph: float
@@ -51,7 +53,7 @@ class ZoneCapacity:
 def zone_capacity(
     *, total_lanes: int, open_lanes: int, posted_speed_mph: float, truck_share: float, site: SiteSpec
 ) -> ZoneCapacity:
-    """Capacity of a zone on a freeway with `total_lanes` a direction. Raises SpecError where the model does not hold.
+    """Capacity of a zone on a freeway with `total_lanes` per direction. Raises SpecError where the model does not hold.
 
     Source: HCM 7, Eq. 10-7 to 10-12 (zone) and 12-6 (capacity without one).
     """
@@ -79,8 +81,8 @@ def zone_capacity(
 
 
 def zone_queue_discharge_pcphpl(*, total_lanes: int, open_lanes: int, site: SiteSpec) -> float:
-    """Flow [pc/h/lane] out of a queue at a zone on a freeway with `total_lanes` a direction. Raises SpecError."""
-    _refuse_other_roads(total_lanes, open_lanes)
+    """Flow [pc/h/lane] out of a queue at a zone on a freeway with `total_lanes` per direction. Raises SpecError."""
+    _check_lanes(total_lanes, open_lanes)
     severity = lane_closure_severity_index(total_lanes=total_lanes, open_lanes=open_lanes)
     return queue_discharge_rate(severity=severity, site=site)
 
@@ -120,7 +122,7 @@ def _zone_free_flow_speed_mph(posted_speed_mph: float, *, severity: float, site:
     )
 
 
-def _refuse_other_roads(total_lanes: int, open_lanes: int) -> None:
+def _check_lanes(total_lanes: int, open_lanes: int) -> None:
     if total_lanes < 2:
         raise SpecError(
             f"road.lane_count={total_lanes}: the HCM's work-zone model is of freeways with 2 or more lanes a direction; "

@@ -1,4 +1,4 @@
-"""The command line. Exit codes: 0 done, 1 a fault of ours, 2 bad input."""
+"""The command line. Exit codes: 0 done, 1 a fault of the toolkit, 2 bad input, 130 interrupted."""
 
 import argparse
 import json
@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from wzsumo import __version__
 from wzsumo.errors import InputError
 
-# One thread a library: the same scikit-learn fit took 19 s with default threads and 0.7 s with one.
+# One thread per library: matrices here are small, and more threads make the fits slower.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
@@ -22,7 +22,7 @@ Can an automated vehicle learn from the traces of the cars ahead of it where it 
   wzsumo map traces.parquet --out out                     a ROS map from your own traces; no SUMO needed
   wzsumo plan out/map.yaml --start 10 0 0 --goal 500 0 0 --out path.csv
 """
-# Name of the command, which is also that of its module in commands/, and what it is for.
+# Name of each command, which is also that of its module in commands/, and its purpose.
 COMMANDS = {
     "layout": "lay the zone out by the MUTCD: layout.geojson, devices.csv, layout.png",
     "net": "write the SUMO files: open zone.sumocfg in sumo-gui",
@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """The parser for these words. Only of a command that is among them are the arguments known: its module may load slowly."""
+    """The parser for these words. It imports only the commands among them, since some modules load slowly."""
     parser = argparse.ArgumentParser(prog="wzsumo", description=ABOUT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action="version", version=f"wzsumo {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

@@ -1,4 +1,4 @@
-"""The ego vehicle: its state, the command that it gets, its leader, its run and how the run ended."""
+"""The ego vehicle: its state, its command, its leader, its run and the outcome of the run."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -12,7 +12,7 @@ from wzsumo.frames import FloatArray
 
 
 class Outcome(StrEnum):
-    """How a case ended."""
+    """How the drive of a case ended; NO_PATH where there was no path to drive."""
 
     REACHED_GOAL = "REACHED_GOAL"
     STRUCK_DEVICE = "STRUCK_DEVICE"
@@ -51,18 +51,18 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class Replan:
-    """What came of a map that reached the ego while it drove."""
+    """The plan on a map that reached the ego while it drove."""
 
-    time_s: float  # simulated
-    station_m: float  # on the path until then, where the new one begins
-    status: str  # of the plan
+    time_s: float  # time of the simulation when the map arrived
+    station_m: float  # on the path driven until then, where the new path begins
+    status: str  # PlanStatus of the plan
     reason: str  # one sentence, empty where a path was found
-    plan_ms: float  # that planning took
+    plan_ms: float  # time that planning took
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EgoRun:
-    """The driven run: its log with `tables.EGO_LOG_COLUMNS`, one row a control step, and its outcome.
+    """A drive of the ego: its log with `tables.EGO_LOG_COLUMNS`, one row per control step, and its outcome.
 
     `traffic` and `followers` are trace tables with all columns: the vehicles near the ego ten times a second, and all vehicles
     on the road once a second.
@@ -85,9 +85,9 @@ class EgoRun:
 class Leader:
     """The vehicle ahead on the ego's path."""
 
-    gap_m: float  # from the ego's front bumper to the leader's rear bumper; 0 or less: they touch
+    gap_m: float  # from the ego's front bumper to the leader's rear bumper; 0 or less where they touch
     speed_mps: float  # along the ego's path
-    acceleration_mps2: float = 0.0  # where it is unknown, the leader is taken to keep its speed
+    acceleration_mps2: float = 0.0  # 0 where it is unknown: the leader is assumed to keep its speed
 
     def __post_init__(self) -> None:
         if not (isfinite(self.gap_m) and isfinite(self.speed_mps) and isfinite(self.acceleration_mps2)):

@@ -1,4 +1,4 @@
-"""Named errors. A fault that the user can mend is an `InputError`: one clear line, exit code 2."""
+"""Named errors. An `InputError` is one that the user can remedy: one line, exit code 2."""
 
 
 class InputError(Exception):
@@ -22,11 +22,11 @@ class CloudError(InputError):
 
 
 class NoGroundError(CloudError):
-    """A point cloud in which no ground was found, from which objects would be told apart."""
+    """A point cloud in which no ground was found, so that objects on it cannot be found either."""
 
 
 class OutputError(InputError):
-    """A place that results cannot be written to."""
+    """A file or folder to which results cannot be written."""
 
 
 class SumoMissingError(InputError):
@@ -38,4 +38,4 @@ class DisplayError(InputError):
 
 
 class SimulationError(Exception):
-    """SUMO did what the toolkit did not expect: a fault of ours, exit code 1."""
+    """SUMO behaved in a way that the toolkit does not handle: a fault of the toolkit, exit code 1."""

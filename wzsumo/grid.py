@@ -1,4 +1,4 @@
-"""OccupancyGrid: p(occupied) on a regular grid, and the cells of it that lie inside an area."""
+"""OccupancyGrid: p(occupied) in the cells of a regular grid. cells_inside: the cells within an area."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ UNKNOWN = 0.5  # p(occupied) where nothing was observed
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OccupancyGrid:
-    """p_occupied (rows, cols) float32 in [0, 1]; row = y upwards, col = x; a binary map holds 0s and 1s.
+    """A map: p_occupied (rows, cols) float32 in [0, 1]. Rows count upwards along y, columns along x.
 
     `origin` is the world point (x, y) [m] of the lower-left CORNER of cell [0, 0]; `resolution` the cell's edge [m].
     """
@@ -94,8 +94,8 @@ def blank_grid(bounds: tuple[float, float, float, float], *, resolution: float, 
 def cells_inside(grid: OccupancyGrid, area: BaseGeometry) -> BoolArray:
     """Cells (rows, cols) whose centre lies inside `area`, of polygons.
 
-    Even-odd rule: each side of the area toggles all cells to its right in the rows that it crosses. Some ten times faster than
-    a point-in-polygon test of every centre, and equal to it but for centres exactly on a side.
+    Even-odd rule: each side of the area toggles all cells to its right in the rows that it crosses. The result differs from a
+    point-in-polygon test of every centre only for centres exactly on a side, and takes a fraction of its time.
     """
     rows, cols = grid.shape
     toggles = np.zeros((rows, cols + 1), dtype=bool)

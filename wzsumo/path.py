@@ -1,4 +1,4 @@
-"""ReferencePath: what a planner returns and a controller follows."""
+"""ReferencePath: the path that a planner returns and a controller follows."""
 
 from dataclasses import dataclass
 from pathlib import Path

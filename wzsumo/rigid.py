@@ -1,5 +1,5 @@
-"""Rotations and rigid motions in space. Right-handed frames: x forward, y left, z up; a 4 x 4 matrix takes points from its
-own frame to the one it is named in. Rotation vectors point along the axis, their length is the angle [rad].
+"""Rotations and rigid motions in space. Right-handed frames: x forward, y left, z up. A 4 x 4 matrix takes points from
+one frame to another. Rotation vectors point along the axis, their length is the angle [rad].
 """
 
 import numpy as np

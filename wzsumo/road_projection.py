@@ -1,6 +1,6 @@
 """The kernel of `Road.to_sd`: stations and lateral offsets of points beside a polyline whose offset lines are mitred.
 
-Maps ask for a million cells at a time. Neighbouring points come one after another, so each search starts where the last ended.
+A map converts a million cells at a time. Successive points are usually neighbours, so each search starts where the last ended.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from numba import njit
 
 from wzsumo.frames import FloatArray
 
-BLOCK = 16  # points of the line that one circle bounds
+POINTS_PER_CIRCLE = 16  # consecutive points of the line within one bounding circle
 
 
 class MitredLine(NamedTuple):
@@ -21,14 +21,14 @@ class MitredLine(NamedTuple):
     tangents: FloatArray  # (n - 1, 2), of unit length
     lengths: FloatArray  # (n - 1,) [m] of the segments
     stations: FloatArray  # (n,) [m]
-    circles: FloatArray  # (blocks, 3): centre and radius [m] around BLOCK points each
+    circles: FloatArray  # (blocks, 3): centre and radius [m] around POINTS_PER_CIRCLE points each
 
 
 def mitred_line(points: FloatArray, normals: FloatArray) -> MitredLine:
     """The line through `points` (n, 2) [m], with the circles that let the search skip most points."""
     steps = np.diff(points, axis=0)
     lengths = np.hypot(*steps.T)
-    blocks = [points[first : first + BLOCK] for first in range(0, len(points), BLOCK)]
+    blocks = [points[first : first + POINTS_PER_CIRCLE] for first in range(0, len(points), POINTS_PER_CIRCLE)]
     centres = [(block.min(axis=0) + block.max(axis=0)) / 2 for block in blocks]
     radii = [np.hypot(*(block - centre).T).max() for block, centre in zip(blocks, centres, strict=True)]
     return MitredLine(
@@ -49,7 +49,7 @@ def project(xy: FloatArray, line: MitredLine) -> tuple[FloatArray, FloatArray]:
     for i in range(len(xy)):
         x, y = xy[i, 0], xy[i, 1]
         nearest = _nearest_point(x, y, line, nearest)
-        segment, share = _segment_that_holds(x, y, line, min(nearest, len(line.lengths) - 1))
+        segment, share = _segment_beside(x, y, line, min(nearest, len(line.lengths) - 1))
         station[i] = line.stations[segment] + share * line.lengths[segment]
         offset[i] = _local(x, y, line, segment)[1]
     return station, offset
@@ -63,7 +63,7 @@ def _nearest_point(x: float, y: float, line: MitredLine, guess: int) -> int:
         reach = best_distance + line.circles[block, 2]
         if _square(x - line.circles[block, 0], y - line.circles[block, 1]) > reach * reach:
             continue
-        for i in range(block * BLOCK, min((block + 1) * BLOCK, len(line.points))):
+        for i in range(block * POINTS_PER_CIRCLE, min((block + 1) * POINTS_PER_CIRCLE, len(line.points))):
             square = _square(x - line.points[i, 0], y - line.points[i, 1])
             if square < best_square:
                 best, best_square, best_distance = i, square, np.sqrt(square)
@@ -76,7 +76,7 @@ def _square(x: float, y: float) -> float:
 
 
 @njit(cache=True)
-def _segment_that_holds(x: float, y: float, line: MitredLine, segment: int) -> tuple[int, float]:
+def _segment_beside(x: float, y: float, line: MitredLine, segment: int) -> tuple[int, float]:
     """The segment between whose mitres the point lies, and the share of the way along it; not in [0, 1) beyond both ends."""
     share = _share_along(x, y, line, segment)
     for _ in range(len(line.lengths)):

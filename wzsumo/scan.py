@@ -16,7 +16,7 @@ class LidarScan:
     """Returns of one turn. Each point is in the frame that the SENSOR had when it fired (x forward, y left, z up) [m].
 
     Returns are in the order of firing; `ring` counts layers from the lowest, `column` azimuth steps from the start of the
-    turn. `object_id` is the truth that a real sensor has not: GROUND or a number of the scene's own.
+    turn. `object_id` is the truth, which a real sensor does not know: GROUND or the number of an object of the scene.
     """
 
     start_s: float  # time of the first column
@@ -41,7 +41,7 @@ class LidarScan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionReadings:
-    """What the car's own sensors read. Frame: the car's (x forward, y left, z up), origin at the rear axle on the ground.
+    """Readings of the car's motion sensors. Frame: the car's (x forward, y left, z up), origin at the rear axle on the ground.
 
     `attitude` is roll and pitch, as in `rigid.rotation_from_rpy`. GNSS positions are of that origin, the lever arm removed.
     """

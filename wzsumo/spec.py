@@ -1,4 +1,4 @@
-"""Spec files: TOML read into frozen pydantic models, so that a mistake is answered with file, key, what was given, the rule."""
+"""Spec files: TOML read into frozen pydantic models. An error names the file, the key, the value given and the rule."""
 
 import tomllib
 from pathlib import Path
@@ -13,7 +13,7 @@ SpecT = TypeVar("SpecT", bound="Spec")
 
 
 class Spec(BaseModel):
-    """Part of a spec file: frozen, unknown keys refused, no infinities."""
+    """A section of a spec file: frozen, without unknown keys, infinities or nan."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True, strict=False)
 
@@ -49,7 +49,7 @@ def write_toml(content: dict[str, Any], path: Path) -> None:
 
 
 def known_keys(kind: type[BaseModel], section: tuple[Any, ...]) -> list[str]:
-    """Keys that a section of a spec has, by the keys that lead to it; none where it is a plain value."""
+    """The keys of the section to which the keys `section` lead; none where they lead to a plain value."""
     model: Any = kind
     for part in section:
         if isinstance(part, int):
@@ -73,9 +73,9 @@ def _describe(kind: type[BaseModel], mistake: Any) -> str:
         return f"{key}: unknown key (given {mistake['input']!r}); known here: {known}"
     if mistake["type"] == "missing":
         return f"{key}: missing; this key must be given"
-    # A rule of our own raises ValueError: pydantic's prefix "Value error, " says nothing to the reader.
+    # The package's own rules raise ValueError, and pydantic puts "Value error, " before their messages.
     rule = mistake["msg"].removeprefix("Value error, ")
-    if isinstance(mistake["input"], dict):  # a rule over several keys names the values itself
+    if isinstance(mistake["input"], dict):  # the message of a rule over several keys names their values
         return f"{key + ': ' if key else ''}{rule}"
     return f"{key}={mistake['input']!r}: {rule}"
 

@@ -1,6 +1,6 @@
-"""Columns of the tables that travel between stages, and the check of a trace table.
+"""Columns of the tables that stages exchange, and the check of a trace table.
 
-A trace table has one row a fix. The point (x_m, y_m) is the vehicle's CENTRE, in the world frame.
+A trace table has one row per fix. The point (x_m, y_m) is the vehicle's CENTRE, in the world frame.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import pandas as pd
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 
-TRACE_COLUMNS = ("vehicle_id", "time_s", "x_m", "y_m")  # enough for a map
+TRACE_COLUMNS = ("vehicle_id", "time_s", "x_m", "y_m")  # needed for a map
 TRACE_OPTIONAL_COLUMNS = ("heading_rad", "speed_mps", "length_m", "width_m")
 EGO_LOG_COLUMNS = (
     "time_s", "x_m", "y_m", "heading_rad", "speed_mps",  # rear axle
@@ -33,7 +33,7 @@ def check_traces(traces: pd.DataFrame, *, source: str) -> pd.DataFrame:
     if ids.isna().any():
         raise TraceError(f"{source}: vehicle_id is empty in row {int(np.flatnonzero(ids.isna())[0])}")
     ids = ids.astype(str)
-    # By codes: strings of a million rows take seconds to sort.
+    # Sorted by codes, since a million strings take seconds to sort.
     order = np.lexsort((numbers["time_s"], pd.factorize(ids, sort=True)[0]))
     return pd.DataFrame({"vehicle_id": ids.array[order]} | {name: values[order] for name, values in numbers.items()})
 

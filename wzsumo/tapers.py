@@ -1,4 +1,4 @@
-"""Taper and buffer lengths of the MUTCD, in feet and mph as printed there; one formula in SI for maps made of traces."""
+"""Taper and buffer lengths by the MUTCD, in feet and mph as printed there, and the merging taper in SI units."""
 
 import math
 
@@ -10,7 +10,7 @@ STOPPING_SIGHT_DISTANCE_FT = {
     20: 115, 25: 155, 30: 200, 35: 250, 40: 305, 45: 360, 50: 425, 55: 495, 60: 570, 65: 645, 70: 730, 75: 820,
 }  # fmt: skip
 SHORT_TAPER_FT = (50.0, 100.0)  # one-lane two-way tapers, and downstream tapers per lane: MUTCD 11th ed., Table 6B-3, p. 775
-FORMULAS_MEET_MPH = 42.5  # of a speed that was measured: the middle between 40 and 45 mph, where the manual's two formulas end
+FORMULAS_MEET_MPH = 42.5  # for measured speeds: the middle between 40 and 45 mph, between which the manual has no formula
 
 
 def merging_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
@@ -34,7 +34,7 @@ def merging_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
 
 
 def merging_taper_m(speed_mps: float, *, width_m: float) -> float:
-    """Length L [m] of a merging taper over a width [m] at the speed [m/s] at which traffic drives, whatever it is.
+    """Length L [m] of a merging taper over a width [m] at a measured speed [m/s], which may be any.
 
     Source: as above; between 40 and 45 mph the formula of the nearer of the two speeds.
     """
@@ -53,7 +53,7 @@ def shoulder_taper_length_ft(speed_mph: float, *, offset_ft: float) -> float:
 
 
 def downstream_taper_length_ft(lane_count: int, *, per_lane_ft: float) -> float:
-    """Length [ft] of the taper behind the work space, 50 to 100 ft a lane. Source: MUTCD 11th ed., Table 6B-3.
+    """Length [ft] of the taper behind the work space, 50 to 100 ft per lane. Source: MUTCD 11th ed., Table 6B-3.
 
     >>> downstream_taper_length_ft(2, per_lane_ft=100)
     200

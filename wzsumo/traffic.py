@@ -1,4 +1,4 @@
-"""Traffic: all vehicles on the road at one moment, and the trace table of many moments."""
+"""Traffic: the vehicles on the road at one moment. traffic_trace: the trace table of several moments."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from wzsumo.frames import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traffic:
-    """All vehicles but the ego at one moment: ids (n,), centre poses (n, 3), and (n,) of all else, in m and s."""
+    """The vehicles around the ego at one moment: ids (n,), centre poses (n, 3), the other fields (n,) in SI units."""
 
     ids: tuple[str, ...]
     poses: FloatArray

@@ -1,4 +1,4 @@
-"""SI values of the US customary units in which the MUTCD and spec files speak."""
+"""Conversions between SI units and the US customary units of the MUTCD and the spec files."""
 
 METRES_PER_INCH = 0.0254  # exact, international yard and pound agreement 1959
 METRES_PER_FOOT = 0.3048  # exact, ibid.

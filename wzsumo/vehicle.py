@@ -13,8 +13,8 @@ from wzsumo.spec import Spec
 class VehicleGeometry(Spec):
     """Outline, axles and steering of one vehicle. Reference point: centre of the REAR AXLE. Lengths in metres.
 
-    Chen et al. 2022 give L = 4.6391 m, the LENGTH of their car, and use it as wheelbase in the pure-pursuit law: the
-    wheelbase here is the car's own; the controller that follows the paper takes the paper's number.
+    Chen et al. 2022 use the LENGTH of their car, L = 4.6391 m, as its wheelbase in the pure-pursuit law. Here `wheelbase_m` is
+    the wheelbase; the controller that follows the paper uses the paper's number.
     """
 
     length_m: float = Field(4.64, gt=0)  # 4.6391 m in Chen et al. 2022, rounded up

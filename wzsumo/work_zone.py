@@ -1,4 +1,4 @@
-"""WorkZone, the spec of a temporary traffic control zone, and WorkZoneLayout, what the MUTCD makes of it.
+"""WorkZone: the spec of a temporary traffic control zone. WorkZoneLayout: the zone as the MUTCD lays it out.
 
 Stations s run along the road's reference line, offsets d to its left (see `road`). Lane 0 is the rightmost.
 """
@@ -48,12 +48,12 @@ class WorkZone(Spec):
     """What is closed, where and at what posted speed. Lengths left out are those of the MUTCD."""
 
     posted_speed_mph: float = Field(ge=20, le=75)  # the range of MUTCD 11th ed. Table 6B-2
-    road_type: RoadType = RoadType.FREEWAY  # decides the distances of the signs; the paper's road
-    typical_application: str | None = None  # such as "TA-33"; a zone unlike the manual's figure is refused
+    road_type: RoadType = RoadType.FREEWAY  # decides the distances of the signs; the paper's road is a freeway
+    typical_application: str | None = None  # such as "TA-33"; a zone that differs from the figure in the manual is refused
     start_ft: float = Field(ge=0)  # station of the first device
-    closed_lanes: tuple[int, ...] = ()  # 0 = rightmost; side by side
+    closed_lanes: tuple[int, ...] = ()  # 0 = rightmost; adjacent lanes
     closed_shoulder: Side | None = None  # for an interior closure: the side whose outer lane closes first
-    shift_ft: float = Field(0.0, ge=0)  # the open lanes move away from the closed side by this
+    shift_ft: float = Field(0.0, ge=0)  # by which the open lanes move away from the closed side
     shifted_lane_width_ft: float | None = Field(None, ge=10, le=16)  # None: the lane's own; 10 ft: MUTCD 6G, narrowest
     one_lane_two_way: Literal["signal", "flaggers"] | None = None  # both directions take turns on the opposing lane
     work_length_ft: float = Field(gt=0)
@@ -109,7 +109,7 @@ class Area:
 class OpenLane:
     """A lane that traffic may use from station `start` to `end` [m]: lateral offsets of its two lines as functions of s."""
 
-    index: int  # of the road's own lane as which it begins, 0 = rightmost
+    index: int  # of the lane of the road in which it begins, 0 = rightmost
     start: float
     end: float
     right: Profile
@@ -130,7 +130,7 @@ class ClosedStrip:
 
 @dataclass(frozen=True, kw_only=True)
 class TakingTurns:
-    """Where both directions use one lane by turns: stations [m] of the two stop lines, and what controls the traffic there."""
+    """A stretch on which both directions take turns on one lane: stations [m] of its two stop lines, and its control."""
 
     start: float
     end: float
@@ -164,7 +164,7 @@ class WorkZoneLayout:
 
     @property
     def end(self) -> float:
-        """Station [m] where the last taper ends."""
+        """Station [m] of the end of the last taper."""
         return self.areas[-1].end
 
     def area(self, name: str) -> Area:
@@ -188,7 +188,7 @@ class WorkZoneLayout:
     def pavement(self) -> BaseGeometry:
         """The road's surface without the closed area."""
         whole = self.road.strip(0.0, self.road.length, -self.road.right_shoulder, self.road.left_edge)
-        # Along a bend rounding leaves slivers where the two share an edge.
+        # Along a bend, rounding leaves slivers along edges that the two share.
         parts = shapely.get_parts(whole - self.closed_area)
         return union_all(parts[shapely.area(parts) > 1e-4])
 
@@ -215,6 +215,6 @@ def device_outlines(devices: pd.DataFrame) -> npt.NDArray[Any]:
     centre = np.column_stack([x, y])
     corners = [centre - along - across, centre + along - across, centre + along + across, centre - along + across]
     boxes = shapely.polygons(np.stack(corners, axis=1))
-    # 64 corners: the disc's outline is met to 0.1 % of its radius.
+    # A polygon with 64 corners is within 0.1 % of the disc's radius.
     discs = shapely.buffer(shapely.points(centre), radius, quad_segs=16)
     return np.where(length > 0, np.asarray(boxes), np.asarray(discs))

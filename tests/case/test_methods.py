@@ -80,7 +80,7 @@ def test_name_of_no_method_is_refused_with_the_known_names() -> None:
     ("name", "says"),
     [
         ("hd_map", "method hd_map: makes no map of traces; methods that do: paper_literal, paper, swept, lanes"),
-        ("swept", "--road r.toml: the method swept makes no use of the road; leave --road out or take lanes"),
+        ("swept", "r.toml: the method swept makes no use of the road before; leave the road out or take the method lanes"),
     ],
 )
 def test_method_that_cannot_map_traces_on_a_road_is_refused_with_those_that_can(name: str, says: str) -> None:

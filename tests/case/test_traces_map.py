@@ -51,6 +51,6 @@ def test_traces_that_need_more_than_100_million_cells_are_refused_with_a_resolut
     """With 10 m on all sides the area is (length + 20) m by 1,000 m, at 0.316 m some 100 million cells."""
     monkeypatch.setattr("wzsumo.case.traces_map.blank_grid", lambda *_, **__: None)
     traces = pd.DataFrame({"vehicle_id": "a", "time_s": [0.0, 1.0], "x_m": [0.0, float(length_m)], "y_m": [0.0, 980.0]})
-    refusal = pytest.raises(InputError, match=r"t\.csv: .* more than 100 million cells; .* give --resolution-m 0\.32")
+    refusal = pytest.raises(InputError, match=r"t\.csv: .* more than 100 million cells; .* give a resolution of 0\.32 m")
     with refusal if refused else nullcontext():
         made(traces, resolution_m=float(np.sqrt(0.1 * (1 + 1e-6))))

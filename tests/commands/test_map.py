@@ -187,7 +187,7 @@ def test_map_too_large_for_its_cells_is_refused_with_cells_that_fit(tmp_path: Pa
     code, _, err, _ = map_of(capsys, tmp_path, fast)
     assert code == 2
     assert "million cells" in err
-    coarser = float(err.split("--resolution-m")[-1])
+    coarser = float(err.split("a resolution of")[-1].split()[0])
     assert 7800 * 7800 / 1e8 <= coarser**2 <= 1.1 * 7800 * 7800 / 1e8
 
 
@@ -255,7 +255,7 @@ def test_scenario_stands_for_its_road(tmp_path: Path, capsys: pytest.CaptureFixt
         ({"end": 5000}, ["announced.end_ft=5000", "1640 ft long"]),
         ({"start": -3}, ["announced.start_ft=-3", "greater than or equal to 0"]),
         ({"table": crowd().assign(y_m=lambda t: t["y_m"] + 3000)}, ["0 of 240 fixes", "in the road's frame"]),
-        ({"words": ("--method", "swept")}, ["--road", "the method swept makes no use"]),
+        ({"words": ("--method", "swept")}, ["road.toml: the method swept makes no use"]),
     ],
 )
 def test_road_that_does_not_fit_is_refused(

@@ -16,7 +16,7 @@ from wzsumo.scenario.road_before import check_on_road, read_map_before
 from wzsumo.vehicle import VehicleGeometry
 
 MAP_MARGIN_M = 10.0  # around the traces; chosen by us
-MAX_CELLS = 100_000_000  # 1.3 km by 1.3 km at 0.127 m: 0.4 GB while the map is made
+MAX_MAP_CELLS = 100_000_000  # 1.3 km by 1.3 km at 0.127 m: 0.4 GB while the map is made
 
 
 def crowd_method(name: str, *, road: Path | None) -> CrowdMethod:
@@ -27,7 +27,9 @@ def crowd_method(name: str, *, road: Path | None) -> CrowdMethod:
         raise SpecError(f"method {name}: makes no map of traces; methods that do: {known}")
     if road and not method.joins_road:
         others = ", ".join(known for known, other in METHODS.items() if other.joins_road)
-        raise InputError(f"--road {road}: the method {name} makes no use of the road; leave --road out or take {others}")
+        raise InputError(
+            f"{road}: the method {name} makes no use of the road before; leave the road out or take the method {others}"
+        )
     return method
 
 
@@ -63,11 +65,11 @@ def _cells_around(traces: pd.DataFrame, *, source: str, resolution_m: float) -> 
     points = traces[["x_m", "y_m"]].to_numpy()
     low, high = points.min(axis=0) - MAP_MARGIN_M, points.max(axis=0) + MAP_MARGIN_M
     area = float(np.prod(high - low))
-    if area / resolution_m**2 > MAX_CELLS:
-        coarser = np.ceil(100 * np.sqrt(area / MAX_CELLS)) / 100
+    if area / resolution_m**2 > MAX_MAP_CELLS:
+        coarser = np.ceil(100 * np.sqrt(area / MAX_MAP_CELLS)) / 100
         raise InputError(
-            f"{source}: the traces spread over {high[0] - low[0]:.0f} m by {high[1] - low[1]:.0f} m, at --resolution-m "
-            f"{resolution_m:g} more than {MAX_CELLS / 1e6:.0f} million cells; cut the file to one zone or give --resolution-m "
-            f"{coarser:g}"
+            f"{source}: the traces spread over {high[0] - low[0]:.0f} m by {high[1] - low[1]:.0f} m, which at a resolution of "
+            f"{resolution_m:g} m is more than {MAX_MAP_CELLS / 1e6:.0f} million cells; cut the traces to one zone or give a "
+            f"resolution of {coarser:g} m or more"
         )
     return blank_grid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), resolution=resolution_m, p_occupied=1.0)

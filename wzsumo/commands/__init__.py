@@ -1,1 +1,1 @@
-"""What a person types, one module a command: files in, files out, words."""
+"""The commands of the command line, one module per command."""

@@ -1,35 +1,35 @@
-"""What arguments of the command line may be; argparse tells a person the reason that these functions give."""
+"""Types of command-line arguments. argparse prints the reason for which they refuse a value."""
 
 import argparse
 from pathlib import Path
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
-    """SCENARIO.toml."""
+    """Add the argument SCENARIO.toml."""
     parser.add_argument("scenario", type=Path, metavar="SCENARIO.toml")
 
 
 def add_out_folder(parser: argparse.ArgumentParser) -> None:
-    """--out DIR."""
+    """Add the argument --out DIR."""
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
 
 
 def seed(text: str) -> int:
-    """A whole number of 0 or more."""
+    """The seed of a text: a whole number of 0 or more."""
     if not text.isdigit():
         raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of 0 or more")
     return int(text)
 
 
 def count(text: str) -> int:
-    """A whole number of 1 or more."""
+    """The number of things of a text: a whole number of 1 or more."""
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of 1 or more")
     return int(text)
 
 
 def cell_edge_m(text: str) -> float:
-    """A length above 0 and at most 10 m."""
+    """The cell edge [m] of a text: above 0 and at most 10 m."""
     value = number(text)
     if not 0 < value <= 10:
         raise argparse.ArgumentTypeError(f"{text!r} must be above 0 and at most 10")
@@ -37,7 +37,7 @@ def cell_edge_m(text: str) -> float:
 
 
 def speed_mps(text: str) -> float:
-    """A speed of 0 to 60 m/s."""
+    """The speed [m/s] of a text: 0 to 60 m/s."""
     value = number(text)
     if not 0 <= value <= 60:
         raise argparse.ArgumentTypeError(f"{text!r} must be 0 to 60 m/s")
@@ -45,7 +45,7 @@ def speed_mps(text: str) -> float:
 
 
 def number(text: str) -> float:
-    """Any number."""
+    """The number of a text."""
     try:
         return float(text)
     except ValueError:

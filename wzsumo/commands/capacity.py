@@ -1,4 +1,4 @@
-"""The command `capacity`: what the zone can carry by the Highway Capacity Manual."""
+"""The command `capacity`: capacity of a zone by the Highway Capacity Manual."""
 
 import argparse
 from dataclasses import asdict
@@ -12,7 +12,7 @@ add_arguments = add_scenario
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Capacity, queue discharge and free-flow speed of a scenario's zone by the HCM, and the flow that arrives at it."""
+    """Capacity, queue discharge and free-flow speed of a scenario's zone by the HCM, and the scenario's flow."""
     scenario = load_scenario(args.scenario)
     try:
         capacity = scenario.capacity()

@@ -1,4 +1,4 @@
-"""The command `ground`: the ground points of anybody's cloud by SMRF."""
+"""The command `ground`: the ground points of a point cloud by SMRF."""
 
 import argparse
 import time
@@ -25,11 +25,11 @@ SMRF_OPTIONS = {
     ("--window-m",): "radius of the widest opening: half the width of the largest building (default 18)",
     ("--elevation-threshold-m",): "how far a ground point may lie off the surface (default 0.5; 0.2 keeps cones)",
     ("--elevation-scalar", "--scalar"): "metres added to the threshold per unit of slope (default 1.25)",
-}  # Pingel, Clarke & McBride 2013, one set for all terrain
+}  # defaults: Pingel, Clarke & McBride 2013, the set for all kinds of terrain
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     parser.add_argument("cloud", type=Path, metavar="IN.(npy|csv|ply)")
     parser.add_argument("--out", type=Path, required=True, metavar="OUT.npy")
     for names, about in SMRF_OPTIONS.items():
@@ -37,9 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Write labels (n,) uint8 of a cloud's points, 1 = ground, as .npy; their counts."""
+    """Counts of ground points, after writing a label (n,) uint8 for each point of a cloud, 1 = ground, as .npy."""
     cloud, out = args.cloud, args.out
-    spec = parse_spec(SmrfSpec, _given(args), source="ground")
+    spec = parse_spec(SmrfSpec, _options_given(args), source="ground")
     if out.suffix != ".npy":
         raise OutputError(f"--out {out}: labels are written as a numpy array; name a file that ends in .npy")
     points = read_cloud(cloud, at_least=MIN_SURFACE_POINTS)
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _given(args: argparse.Namespace) -> dict[str, float]:
-    """The options that were given, by their name in a SmrfSpec."""
+def _options_given(args: argparse.Namespace) -> dict[str, float]:
+    """The options on the command line, by their names in SmrfSpec."""
     keys = [names[0].removeprefix("--").replace("-", "_") for names in SMRF_OPTIONS]
     return {key: getattr(args, key) for key in keys if getattr(args, key) is not None}

@@ -1,4 +1,4 @@
-"""The command `layout`: the zone laid out by the MUTCD, as files."""
+"""The command `layout`: the layout of a zone by the MUTCD, as files."""
 
 import argparse
 from typing import Any
@@ -12,13 +12,13 @@ from wzsumo.scenario.scenario import load_scenario
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     add_scenario(parser)
     add_out_folder(parser)
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Write layout.geojson, devices.csv and layout.png; lengths and areas of the zone."""
+    """Lengths and areas of the zone, after writing layout.geojson, devices.csv and layout.png."""
     layout = load_scenario(args.scenario).layout()
     with staged_folder(args.out) as stage:
         write_layout(layout, stage)

@@ -38,7 +38,7 @@ MAX_DROPS_PRINTED = 8  # on stderr; --json lists all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     parser.add_argument("traces", type=Path, metavar="TRACES.(parquet|csv)")
     add_out_folder(parser)
     parser.add_argument("--method", choices=list(methods_from(Source.CROWD)), default=DEFAULT_METHOD)

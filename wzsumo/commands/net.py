@@ -10,13 +10,13 @@ from wzsumo.simulation.files import write_sumo_files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     add_scenario(parser)
     add_out_folder(parser)
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Write the SUMO files of a scenario; edges and lanes."""
+    """The edges of a scenario's network with their numbers of lanes, after writing its SUMO files."""
     spec = load_scenario(args.scenario)
     with staged_folder(args.out) as stage:
         files = write_sumo_files(spec.layout(), stage, spec=spec.zone_simulation(), seed=spec.seed)

@@ -1,4 +1,4 @@
-"""The command `plan`: a path on any ROS map. It imports little, so that it starts quickly."""
+"""The command `plan`: a path on a ROS map. It imports few modules, so that it starts quickly."""
 
 import argparse
 from pathlib import Path
@@ -19,7 +19,7 @@ MORE = "Poses are of the centre of the REAR AXLE: X Y in metres of the map's fra
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     parser.add_argument("map", type=Path, metavar="MAP.yaml")
     parser.add_argument("--start", type=float, nargs=3, required=True, metavar=("X", "Y", "DEG"))
     parser.add_argument("--goal", type=float, nargs=3, required=True, metavar=("X", "Y", "DEG"))
@@ -28,12 +28,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Plan on a ROS map and write the path; status, clearance and times. No path: nothing is written."""
+    """Status, clearance and times of a plan on a ROS map, after writing its path; nothing is written where there is no path."""
     grid = read_map(args.map)
     if not (np.isfinite(args.start).all() and np.isfinite(args.goal).all()):
         raise MapError(f"--start {args.start} and --goal {args.goal} must be finite numbers X Y DEG")
     spec = PlannerSpec(planned_speed_mps=args.speed_mps, max_p_occupied=FREE_THRESHOLD)
-    load_kernels()  # not part of what planning takes
+    load_kernels()  # before the clock of planning starts
     plan = plan_path(grid, start=_pose(args.start), goal=_pose(args.goal), vehicle=VehicleGeometry(), spec=spec)
     if plan.path is not None:
         with staged_folder(args.out.parent) as stage:

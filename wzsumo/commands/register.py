@@ -1,4 +1,4 @@
-"""The command `register`: the rigid motion that takes one cloud to another."""
+"""The command `register`: the rigid motion from one point cloud to another."""
 
 import argparse
 import time
@@ -15,22 +15,22 @@ from wzsumo.lidar_mapping.registration import RegistrationStatus
 
 MORE = """\
 A cloud holds x, y, z in metres: an .npy array (n, 3), a .csv table (columns x, y, z, or three unnamed ones) or a .ply file.
-A transform says in "status" what it is worth: converged, degenerate (some directions are not determined by the clouds),
+"status" says whether the transform can be trusted: converged, degenerate (the clouds do not determine some directions),
 not_converged, poor_overlap.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     parser.add_argument("source", type=Path, metavar="SOURCE")
     parser.add_argument("target", type=Path, metavar="TARGET")
     parser.add_argument("--out", type=Path, required=True, metavar="T.txt")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Write the 4 x 4 transform that takes a source cloud to a target as text; what it is worth.
+    """Status, overlap and residuals of the transform from a source cloud to a target, after writing it as text (4 x 4).
 
-    Clouds that determine no motion at all (identical, too few features) are refused: an identity would look like an answer.
+    Clouds that determine no motion (identical clouds, too few features) are refused. The identity would look like a result.
     """
     source, target, out = args.source, args.target, args.out
     moving, fixed = (read_cloud(path, at_least=MIN_SURFACE_POINTS) for path in (source, target))

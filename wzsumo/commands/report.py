@@ -12,12 +12,12 @@ from wzsumo.sweep.store import MANIFEST
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     parser.add_argument("folder", type=Path, metavar="DIR")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Write the report of a run's or a study's folder again."""
+    """The path of the report, after writing it again from a run's or a study's folder."""
     folder = args.folder
     if (folder / MANIFEST).is_file():
         return {"report": str(write_sweep_report(folder))}

@@ -1,4 +1,4 @@
-"""The command `run`: a whole case, or one case of a study alone."""
+"""The command `run`: one case of a scenario or of a study."""
 
 import argparse
 from typing import Any
@@ -15,7 +15,7 @@ from wzsumo.sweep.study_file import find_case
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     add_scenario(parser)
     add_out_folder(parser)
     parser.add_argument("--case", metavar="NAME", help="a case of a sweep, whose folder then stands for SCENARIO.toml")

@@ -1,4 +1,4 @@
-"""The command `sweep`: what is missing of a study, and how it tells a person of it."""
+"""The command `sweep`: runs the unfinished cases of a study and shows its progress."""
 
 import argparse
 import os
@@ -25,11 +25,11 @@ MORE = """\
 A study file (see scenarios/studies) names base scenarios, methods, and factors: any keys of the scenario, as a grid. Cases that
 share a simulation run it once. Stop it whenever you like; the same command goes on with what is missing.
 """
-LINE_EVERY_S = 10.0  # where progress goes to a file
+PROGRESS_LINE_INTERVAL_S = 10.0  # where stderr is no terminal
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes."""
+    """Add the command's arguments to its parser."""
     parser.add_argument("study", type=Path, metavar="STUDY.toml")
     add_out_folder(parser)
     parser.add_argument("--workers", type=count, metavar="N", help="processes (default: one a core)")
@@ -40,28 +40,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Run what is missing of a study into a folder, or only say how much that is; figures of it."""
+    """Numbers of cases, after running the unfinished ones of a study into a folder; with --dry-run an estimate of the work."""
     study = load_study(args.study)
     cores = args.workers or len(os.sched_getaffinity(0))
     if args.dry_run:
         finished = set(read_results(args.out)["case"]) if (args.out / RESULTS).is_file() else set()
         work = estimate(study, finished=finished)
         return asdict(work) | {"workers": cores, "about_s": round(work.wall_clock_s(cores), 1)}
-    crew = ClusterWorkers(args.scheduler, version=code_version) if args.scheduler else LocalWorkers(cores)
-    summary = run_sweep(study, args.out, workers=crew, progress=case_progress, tell=tell_person)
-    for reason, count_of_it in summary.failures.items():
-        tell_person(f"{count_of_it} case(s) failed twice: {reason}")
+    pool = ClusterWorkers(args.scheduler, version=code_version) if args.scheduler else LocalWorkers(cores)
+    summary = run_sweep(study, args.out, workers=pool, progress=case_progress, tell=print_message)
+    for reason, n_cases in summary.failures.items():
+        print_message(f"{n_cases} case(s) failed twice: {reason}")
     return asdict(summary) | {"results": str(summary.results), "failures": dict(summary.failures)}
 
 
-def tell_person(line: str) -> None:
-    """Write a line to stderr, above a progress bar where there is one."""
+def print_message(line: str) -> None:
+    """Print a line to stderr, above the progress bar if there is one."""
     tqdm.write(f"wzsumo: {line}", file=sys.stderr)
 
 
 @contextmanager
 def case_progress(finished: int, total: int) -> Iterator[AddFinished]:
-    """A bar with the time left on a terminal, else a line now and then; its value is told of cases as they are finished."""
+    """A progress bar on a terminal, elsewhere a line from time to time; it gives a function that takes newly finished cases."""
     if sys.stderr.isatty():
         with tqdm(total=total, initial=finished, desc="cases", unit="case", smoothing=0.1) as bar:
 
@@ -72,15 +72,15 @@ def case_progress(finished: int, total: int) -> Iterator[AddFinished]:
         return
     began = last = time.monotonic()
     done = finished
-    tell_person(f"{done} of {total} cases finished")
+    print_message(f"{done} of {total} cases finished")
 
     def advance(count: int) -> None:
         nonlocal done, last
         done += count
         now = time.monotonic()
-        if now - last >= LINE_EVERY_S or done == total:
+        if now - last >= PROGRESS_LINE_INTERVAL_S or done == total:
             last = now
             left = (now - began) / (done - finished) * (total - done)
-            tell_person(f"{done} of {total} cases finished, about {left:.0f} s left")
+            print_message(f"{done} of {total} cases finished, about {left:.0f} s left")
 
     yield advance

@@ -12,11 +12,11 @@ from wzsumo.grid import blank_grid
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What it takes: nothing."""
+    """Add nothing: the command has no arguments."""
 
 
-def run(args: argparse.Namespace) -> dict[str, Any]:  # noqa: ARG001 - it takes nothing
-    """Compile every numba kernel once, so that no first run waits."""
+def run(args: argparse.Namespace) -> dict[str, Any]:  # noqa: ARG001 - every command gets its arguments
+    """Compile every numba kernel once, so that the first run does not wait for it."""
     from wzsumo.crowd_mapping.course.reference_line import axis_of
     from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
     from wzsumo.lidar_mapping import slam_map

@@ -1,4 +1,4 @@
-"""Point clouds in files. Coordinates are metres in any frame."""
+"""Reads point clouds from files. Coordinates are metres in any frame."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The layout as files: GeoJSON in world metres, and the devices as a table."""
+"""Writes a layout as GeoJSON in world metres, and its devices as a table."""
 
 import json
 from pathlib import Path

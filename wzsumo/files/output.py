@@ -1,4 +1,4 @@
-"""Output files that are written completely or not at all."""
+"""Writes output files completely or not at all."""
 
 import io
 import os

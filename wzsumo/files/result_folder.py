@@ -1,4 +1,4 @@
-"""ResultFolder: what one run wrote, read back for its report."""
+"""ResultFolder: the files of one run, as its report reads them."""
 
 import json
 import tomllib
@@ -35,12 +35,12 @@ class ResultFolder:
 
     @property
     def methods(self) -> dict[str, Mapping[str, Any]]:
-        """What was measured of every mapping method, by its name, in the order of the run."""
+        """The figures of every map method, by its name, in the order of the run."""
         return dict(self.result.get("methods") or {})
 
     @property
     def areas(self) -> list[tuple[str, float, float]]:
-        """Name, start and end [m] of every area of the zone."""
+        """Name, start and end (stations [m]) of every area of the zone."""
         return [(str(a["name"]), float(a["start_m"]), float(a["end_m"])) for a in self.layout["areas"]]
 
     @property
@@ -90,20 +90,20 @@ class ResultFolder:
 
     @cached_property
     def used_traces(self) -> pd.DataFrame:
-        """The fixes that the maps were made from."""
+        """The fixes of which the maps were made."""
         traces = pd.read_parquet(self.folder / "traces.parquet")
         return traces[traces["used"].astype(bool)]
 
     @property
     def vehicle(self) -> VehicleGeometry:
-        """The ego's outline, as the run's effective spec has it."""
+        """The ego's outline in the run's scenario.toml."""
         spec = self.folder / "scenario.toml"
         table = tomllib.loads(spec.read_text(encoding="utf-8")) if spec.exists() else {}
         return VehicleGeometry.model_validate(table.get("vehicle", {}))
 
     @property
-    def sweep(self) -> pd.DataFrame:
-        """n_components, log_likelihood, aic and bic of every mixture that was tried."""
+    def mixtures_tried(self) -> pd.DataFrame:
+        """n_components, log_likelihood, aic and bic of every mixture that was fitted."""
         return pd.read_csv(self.folder / "mixture_sweep.csv")
 
     @property
@@ -119,7 +119,7 @@ class ResultFolder:
 
     @cached_property
     def traffic_cells(self) -> pd.DataFrame | None:
-        """time_s, station_m, flow_vph, density_vpkm and speed_mps of every cell of the space-time grid; None: not measured."""
+        """time_s, station_m, flow_vph, density_vpkm and speed_mps of every space-time cell; None where not measured."""
         path = self.folder / "traffic" / "cells.parquet"
         return pd.read_parquet(path) if path.exists() else None
 
@@ -133,18 +133,18 @@ class ResultFolder:
         return _table(self.folder / "paths" / f"{method}.csv")
 
     def drive_of(self, method: str) -> pd.DataFrame | None:
-        """The ego's log of the drive on a method's path, None where nothing was driven."""
+        """The ego's log of the drive on a method's path, None where it did not drive."""
         return _table(self.folder / "drives" / f"{method}.csv")
 
     def drive_traffic_of(self, method: str) -> pd.DataFrame | None:
-        """The trace table of the vehicles near the ego on that drive, None where nothing was driven."""
+        """The trace table of the vehicles near the ego on that drive, None where it did not drive."""
         path = self.folder / "drives" / f"{method}_traffic.parquet"
         return pd.read_parquet(path) if path.exists() else None
 
     def truth_on(self, grid: OccupancyGrid) -> tuple[BoolArray, BoolArray]:
-        """Cells (rows, cols) of `grid` that lie in the zone, and those among them that are truly drivable."""
-        road, beside = self.road, 5.0  # maps reach a little beyond the pavement
-        zone = cells_inside(grid, road.strip(*self.span, -road.right_shoulder - beside, road.left_edge + beside))
+        """Cells (rows, cols) of `grid` within the zone, and those of them that are drivable by the layout."""
+        road, margin = self.road, 5.0  # a map reaches at most so far beyond the pavement
+        zone = cells_inside(grid, road.strip(*self.span, -road.right_shoulder - margin, road.left_edge + margin))
         return zone, cells_inside(grid, self.polygons["drivable"]) & zone
 
     def _points(self, name: str, columns: tuple[str, ...]) -> pd.DataFrame:

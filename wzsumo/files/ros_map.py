@@ -1,4 +1,4 @@
-"""OccupancyGrid in the files of ROS map_server: a YAML file and its image."""
+"""Reads and writes an OccupancyGrid as the files of ROS map_server: a YAML file and its image."""
 
 import warnings
 from pathlib import Path
@@ -50,7 +50,7 @@ def read_map(path: Path | str) -> OccupancyGrid:
     image = _read_image(path, metadata)
     grey, alpha = (image[..., 0], image[..., 1]) if image.ndim == 3 else (image, None)
     mode = metadata.get("mode", "trinary")
-    if mode == "raw":  # occupancy in per cent; all other values are unknown
+    if mode == "raw":  # occupancy in percent; values above 100 are unknown
         p = np.where(grey <= 100, grey / 100.0, UNKNOWN)
     else:
         p = grey / 255.0 if metadata.get("negate", 0) else (255.0 - grey) / 255.0

@@ -22,7 +22,7 @@ from wzsumo.spec import Spec
 
 LOW_OUTLIER_SLOPE = 5.0  # 500 %, for the inverted surface and a window of one cell; Pingel et al. 2013, Section 2
 FILL_TOLERANCE_M = 1e-3  # of filled holes, far below the elevation threshold; chosen by us
-MAX_CELLS = 30_000_000  # 30 km^2 at 1 m; at 135 bytes a cell their surfaces take 4 GiB
+MAX_SURFACE_CELLS = 30_000_000  # 30 km^2 at 1 m; at 135 bytes a cell their surfaces take 4 GiB
 MAX_CELLS_PER_POINT = 400  # points 20 cells apart do not determine a surface; chosen by us
 ALWAYS_ALLOWED_CELLS = 1_000_000  # a cloud on fewer cells may be sparser; chosen by us
 
@@ -94,8 +94,8 @@ def _estimate_terrain(cloud: FloatArray, spec: SmrfSpec) -> _Terrain:
 def _check_extent(rows: int, cols: int, n_points: int, cell_m: float) -> None:
     """Raise CloudError for a surface of more cells than fit into memory, or than its points determine."""
     remedy = "take out stray points, give x, y, z in metres, or set a larger cell_m"
-    if rows * cols > MAX_CELLS:
-        raise CloudError(f"cloud: {cols:.4g} x {rows:.4g} cells of {cell_m} m are more than {MAX_CELLS}; {remedy}")
+    if rows * cols > MAX_SURFACE_CELLS:
+        raise CloudError(f"cloud: {cols:.4g} x {rows:.4g} cells of {cell_m} m are more than {MAX_SURFACE_CELLS}; {remedy}")
     if rows * cols > max(ALWAYS_ALLOWED_CELLS, MAX_CELLS_PER_POINT * n_points):
         raise CloudError(
             f"cloud: {n_points} points on {cols} x {rows} cells of {cell_m} m are less than one in {MAX_CELLS_PER_POINT} "

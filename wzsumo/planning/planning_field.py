@@ -17,7 +17,7 @@ from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.terrain import Terrain, terrain_of
 from wzsumo.vehicle import VehicleGeometry
 
-MAX_CELLS = 40_000_000  # 16 bytes a cell while planning: 0.6 GB
+MAX_PLANNING_CELLS = 40_000_000  # 16 bytes a cell while planning: 0.6 GB
 MEASURED_CLEARANCE_M = 1.5  # the clearance of a path is measured up to here; chosen by us
 Pose = tuple[float, float, float]
 CellNumbers = npt.NDArray[np.int32]
@@ -45,10 +45,10 @@ def prepare_field(
     Raises MapError where the goal lies off the map or the map is too large.
     """
     refuse_off_map(grid, goal, name="goal")
-    if grid.p_occupied.size > MAX_CELLS:
+    if grid.p_occupied.size > MAX_PLANNING_CELLS:
         rows, cols = grid.shape
         raise MapError(
-            f"a map of {rows} x {cols} = {rows * cols} cells is too large to plan on (at most {MAX_CELLS}); "
+            f"a map of {rows} x {cols} = {rows * cols} cells is too large to plan on (at most {MAX_PLANNING_CELLS}); "
             "crop it to the road or use a coarser resolution"
         )
     began = time.perf_counter()

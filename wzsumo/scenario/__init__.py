@@ -1,1 +1,1 @@
-"""What a spec file says of one case: its sections, the site that they make, the road before the zone."""
+"""The scenario of one case: the sections of its file, the site that they make, the road before the zone."""

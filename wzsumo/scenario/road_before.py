@@ -14,27 +14,27 @@ from wzsumo.scenario.scenario import load_scenario
 from wzsumo.spec import Spec, parse_spec, read_toml
 from wzsumo.units import METRES_PER_FOOT
 
-MAX_FIX_DISTANCE_M = 5.0  # from the pavement, at which a fix with its error may lie; chosen by us
+MAX_FIX_DISTANCE_M = 5.0  # a fix farther from the pavement than a GNSS error is not on the road; chosen by us
 
 
-class AnnouncedZone(Spec):
-    """Where the work zone is announced to be, along the road from its beginning."""
+class AnnouncedSection(Spec):
+    """The section [announced]: where the work zone is said to be, in feet along the road from its beginning."""
 
-    start_ft: float = Field(ge=0)  # its first device
-    end_ft: float = Field(gt=0)  # its last
+    start_ft: float = Field(ge=0)  # first device
+    end_ft: float = Field(gt=0)  # last device
 
 
 class RoadBefore(Spec):
-    """A road, in the frame of the traces, and where a work zone is announced on it."""
+    """A file that describes the road before the zone, in the frame of the traces, and the announced zone."""
 
     road: RoadSpec
-    announced: AnnouncedZone
+    announced: AnnouncedSection
 
 
 def read_map_before(path: Path) -> MapBefore:
-    """The map of before that a scenario file holds, or a file of the sections [road] and [announced] alone.
+    """The road before the zone and the ends of the announced zone, from a scenario or a file with [road] and [announced].
 
-    Of a scenario it takes the road and where its zone begins and ends, not what the zone closes: the traces are to show that.
+    A scenario's closed lanes are not taken from it: the traces are to show what is closed.
     """
     content = read_toml(path)
     if "work_zone" in content:
@@ -52,7 +52,7 @@ def read_map_before(path: Path) -> MapBefore:
 
 
 def check_on_road(traces: pd.DataFrame, before: MapBefore, *, source: str, road_source: str) -> None:
-    """Raise InputError where most fixes lie off the road, as in another frame, or most vehicles drive against it."""
+    """Raise InputError where most fixes are off the road, as fixes of another frame are, or most vehicles drive against it."""
     road = before.road
     s, d = road.to_sd(traces[["x_m", "y_m"]].to_numpy())
     on_road = (
@@ -75,7 +75,7 @@ def check_on_road(traces: pd.DataFrame, before: MapBefore, *, source: str, road_
 
 
 def with_road_outside(grid: OccupancyGrid, before: MapBefore) -> OccupancyGrid:
-    """The map with the lanes of before free outside the announced zone, where the road is as it was."""
+    """The map with the lanes outside the announced zone free, since the road there is as it was before."""
     road = before.road
     lanes = np.zeros(grid.shape, dtype=bool)
     for start, end in ((0.0, before.start), (before.end, road.length)):

@@ -1,4 +1,4 @@
-"""Scenario: everything that a spec file says of one case, read and checked."""
+"""Scenario: the spec of one case, read from a file and checked."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,11 +25,11 @@ from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DeviceKind, RoadType, WorkZone, WorkZoneLayout
 
 Pose = tuple[float, float, float]
-MAP_REACH_M = 20.0  # of the maps beyond start and goal, whose points are rear axles; chosen by us
+MAP_REACH_M = 20.0  # how far maps reach beyond the rear axle at start and goal; chosen by us
 
 
 class Scenario(Spec):
-    """One case: everything that decides its result, the seed included."""
+    """The spec of one case: everything that decides its result, the seed included."""
 
     name: Annotated[str, Decides.NOTHING] = Field(min_length=1, pattern=r"^[\w.-]+$")
     seed: Annotated[int, Decides.SIMULATION] = Field(ge=0)
@@ -42,8 +42,8 @@ class Scenario(Spec):
     mixture: Annotated[MixtureSpec, Decides.REPORTS] = MixtureSpec()
     map: Annotated[MapSpec, Decides.SITE] = MapSpec()
     route: Annotated[RouteSpec, Decides.SITE]
-    map_updates: Annotated[MapUpdatesSpec | None, Decides.DRIVE] = None  # none: the ego drives on its first map
-    slam: Annotated[SlamSpec | None, Decides.LIDAR] = None  # where it is given, the LiDAR maps are part of every run
+    map_updates: Annotated[MapUpdatesSpec | None, Decides.DRIVE] = None  # None: the ego drives on one map to the end
+    slam: Annotated[SlamSpec | None, Decides.LIDAR] = None  # where given, `wzsumo run` also makes the LiDAR maps
     vehicle: Annotated[VehicleGeometry, Decides.SITE] = VehicleGeometry()
     planner: Annotated[PlannerSpec, Decides.DRIVE] = PlannerSpec()
     control: Annotated[ControlSection, Decides.DRIVE] = ControlSection()
@@ -107,7 +107,7 @@ class Scenario(Spec):
         return start, goal
 
     def mapped_ends(self, layout: WorkZoneLayout) -> tuple[float, float]:
-        """Stations [m] between which the zone is mapped: from behind the start to beyond the goal."""
+        """Stations [m] between which the road is mapped: from before the start to beyond the goal."""
         start, goal = self.start_and_goal(layout)
         (first, last), _ = layout.road.to_sd([start[:2], goal[:2]])
         return float(first) - MAP_REACH_M, float(last) + MAP_REACH_M
@@ -119,7 +119,7 @@ class Scenario(Spec):
         return self.map.checked(pavement.buffer(self.map.margin_m))
 
     def open_goal(self, layout: WorkZoneLayout) -> Pose | None:
-        """Rear-axle pose of the second goal, None where the route names none."""
+        """Rear-axle pose of the second goal, None where the route has none."""
         if self.route.open_goal_lane is None:
             return None
         return _lane_pose(layout.road, layout.end + self.route.goal_after_zone_m, self.route.open_goal_lane)
@@ -131,7 +131,7 @@ def sections_that_decide(*what: Decides) -> set[str]:
 
 
 def keys_that_decide(section: type[Spec], what: Decides) -> set[str]:
-    """The keys of a section that decide this, though the section as a whole decides something else."""
+    """The keys of a section that decide `what`, where the section as a whole decides something else."""
     return {name for name, key in section.model_fields.items() if what in key.metadata}
 
 
@@ -153,7 +153,9 @@ FITTING_SECTIONS = frozenset({"road", "work_zone", "site", "simulation", "route"
 def misfits_of(scenario: Scenario) -> list[str]:
     """What does not fit together in a scenario: zone and road, start and goal, flow and lanes, traces collected and used."""
     crowd, demand, road = scenario.crowd, scenario.simulation.demand, scenario.road
-    misfits = _refusals(scenario.layout) or _refusals(  # without a zone the other checks have nothing to check
+    misfits = _messages_of_failed(
+        scenario.layout
+    ) or _messages_of_failed(  # where there is no layout, the other checks cannot be made
         lambda: scenario.mapped_ground(scenario.layout()),
         lambda: check_departures(
             scenario.zone_simulation().demand,
@@ -182,7 +184,8 @@ def _lane_pose(road: Road, station: float, lane: int) -> Pose:
     return float(x), float(y), float(road.heading_at(station))
 
 
-def _refusals(*checks: Callable[[], object]) -> list[str]:
+def _messages_of_failed(*checks: Callable[[], object]) -> list[str]:
+    """The message of each check that raises SpecError."""
     found = []
     for check in checks:
         try:

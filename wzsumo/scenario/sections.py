@@ -12,7 +12,7 @@ from wzsumo.control.controller import ControlSpec
 from wzsumo.errors import SpecError
 from wzsumo.lidar_mapping.loam import LoamSpec
 from wzsumo.lidar_mapping.slam_map import SlamMapSpec
-from wzsumo.planning.planning_field import MAX_CELLS
+from wzsumo.planning.planning_field import MAX_PLANNING_CELLS
 from wzsumo.sensing.imu import ImuSpec, MappingGnssSpec
 from wzsumo.sensing.lidar import LidarSpec
 from wzsumo.sensing.scene import SceneSpec
@@ -20,48 +20,49 @@ from wzsumo.spec import Spec
 
 
 class Decides(StrEnum):
-    """What a section of a scenario, or a key of a section, decides. Each section says so once, where `Scenario` names it."""
+    """What a section of a scenario, or a key in it, decides. `Scenario` and the sections annotate their fields with it."""
 
-    NOTHING = "nothing"  # a name
-    SIMULATION = "simulation"  # the traffic of the fleet, and with it all that follows
-    COLLECTION = "collection"  # whether and when enough traces are collected, not what they say
-    REPORTS = "reports"  # the traces that make the map, and what is learned from them
-    LIDAR = "LiDAR"  # what a LiDAR mapping drive sees and maps
+    NOTHING = "nothing"  # the scenario's name
+    SIMULATION = "simulation"  # the traffic of the fleet, and so everything else
+    COLLECTION = "collection"  # when enough traces are collected, but not their content
+    REPORTS = "reports"  # the traces of which the map is made, and what is learned from them
+    LIDAR = "LiDAR"  # the scans of a LiDAR mapping drive and their map
     SITE = "site"  # the cells of the maps, start and goal
     DRIVE = "drive"  # the plan on a map, and the drive along it
 
 
 class MapSpec(Spec):
-    """How large the cells are, and how far they reach beyond the pavement."""
+    """The size of the cells, and how far the map reaches beyond the pavement."""
 
     resolution_m: float = Field(0.127, gt=0, le=1)  # 5 in, the sample of Chen et al. 2022
     margin_m: float = Field(2.0, ge=0)  # beyond the pavement's edges
 
     def checked(self, ground: Polygon) -> Polygon:
-        """The ground that is to be mapped. Raises SpecError where it has more cells than can be planned on."""
+        """The ground to be mapped. Raises SpecError where it has more cells than the planner takes."""
         left, low, right, high = ground.bounds
         width, height = right - left, high - low
         n_cells = width * height / self.resolution_m**2
-        if n_cells <= MAX_CELLS:
+        if n_cells <= MAX_PLANNING_CELLS:
             return ground
-        coarser = math.ceil(100 * math.sqrt(width * height / MAX_CELLS)) / 100
+        coarser = math.ceil(100 * math.sqrt(width * height / MAX_PLANNING_CELLS)) / 100
         raise SpecError(
             f"map.resolution_m={self.resolution_m:g} makes {n_cells / 1e6:.0f} million cells of the {width:.0f} x {height:.0f} "
-            f"m around the road, of which at most {MAX_CELLS / 1e6:.0f} million can be planned on; give {coarser:g} or more"
+            f"m around the road, "
+            f"of which at most {MAX_PLANNING_CELLS / 1e6:.0f} million can be planned on; give {coarser:g} or more"
         )
 
 
 class MapArrivalSpec(Spec):
-    """One map of the crowd and when it arrives."""
+    """One map of the crowd's traces and when it reaches the ego."""
 
     after_s: float = Field(ge=0)  # since the ego entered the road
-    used: int = Field(ge=1)  # traces that it is made of, the first so many
+    used: int = Field(ge=1)  # number of traces, from the first, of which the map is made
 
 
 class MapUpdatesSpec(Spec):
-    """The map that the ego sets out with and those that reach it on the way; it plans anew on each."""
+    """The ego's first map and the maps that reach it while it drives. It plans again on each of them."""
 
-    sets_out_with: Literal["crowd", "map_of_before"] = "crowd"  # the map of crowd.used traces, or of the road without the zone
+    sets_out_with: Literal["crowd", "map_of_before"] = "crowd"  # a map of crowd.used traces, or of the road before the zone
     arrivals: tuple[MapArrivalSpec, ...] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -75,7 +76,7 @@ class MapUpdatesSpec(Spec):
 class SlamSpec(Spec):
     """One mapping drive: a 128-layer LiDAR, high-precision GNSS and IMU (Chen et al. 2022) through the zone and its traffic."""
 
-    traffic: bool = True  # whether the vehicles of the moment stand in the scans
+    traffic: bool = True  # whether the scans show the other vehicles
     scene: SceneSpec = SceneSpec()
     lidar: LidarSpec = LidarSpec()
     imu: ImuSpec = ImuSpec()
@@ -85,9 +86,9 @@ class SlamSpec(Spec):
 
 
 class CrowdSpec(Spec):
-    """How many vehicles report, and how many of their traces are collected and make the map."""
+    """How many vehicles report their traces, and how many traces are collected and used for the map."""
 
-    # The first `used` of the equipped vehicles are the same whatever share is equipped (see `sensing.equipped`).
+    # A vehicle that is equipped at some penetration is also equipped at every higher one (see `sensing.equipped`).
     penetration: Annotated[float, Decides.COLLECTION] = Field(0.15, gt=0, le=1)  # share of vehicles that report
     collected: Annotated[int, Decides.COLLECTION] = Field(30, ge=1)  # Chen et al. 2022
     used: int = Field(5, ge=1)  # ibid.
@@ -100,8 +101,8 @@ class RouteSpec(Spec):
     start_before_zone_m: float = Field(150.0, gt=0)
     goal_lane: int = Field(ge=0)
     goal_after_zone_m: float = Field(100.0, gt=0)
-    open_goal_lane: int | None = Field(None, ge=0)  # of a second goal, in a lane that leads straight on from the open ones
+    open_goal_lane: int | None = Field(None, ge=0)  # lane of a second goal, one that continues an open lane
 
 
 class ControlSection(ControlSpec, FollowingSpec):
-    """How the ego drives: along its path, at its speed, and behind others."""
+    """How the ego is controlled: along its path, to its speed, and behind other vehicles."""

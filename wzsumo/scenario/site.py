@@ -1,4 +1,4 @@
-"""Site: a zone made ready for its maps, once for all that is mapped in it."""
+"""Site: layout, start, goal and cells of a scenario, which all its maps share."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ from wzsumo.work_zone import WorkZoneLayout
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Site:
-    """The layout, where the ego starts and where it wants to go, and the cells that all maps of the zone share.
+    """The layout, the ego's start and goal, and the cells that all maps of a scenario share.
 
     `start` and `goal` are poses of the REAR AXLE; the masks are (rows, cols) on `cells`.
     """
@@ -20,15 +20,15 @@ class Site:
     layout: WorkZoneLayout
     start: Pose
     goal: Pose
-    open_goal: Pose | None  # in a lane that stays open, where the scenario names one
+    open_goal: Pose | None  # in an open lane, where the scenario has one
     cells: OccupancyGrid  # all occupied
-    nominal: BoolArray  # outside the announced zone, where the road is as it was
-    counted: BoolArray  # the zone with its shoulders: where the quality of a map is counted
-    drivable: BoolArray  # the truth there: between the line of devices and the right edge line
+    nominal: BoolArray  # lanes outside the announced zone, where the road is as before
+    counted: BoolArray  # the zone with its shoulders, in which map quality is measured
+    drivable: BoolArray  # the truth in `counted`: between the line of devices and the right edge line
 
 
 def prepare_site(scenario: Scenario) -> Site:
-    """The site of a scenario: its road, work zone, route and map decide it, and the vehicle's length."""
+    """The site of a scenario, which its road, work zone, route, map and the vehicle's length decide."""
     layout = scenario.layout()
     road, margin = layout.road, scenario.map.margin_m
     start, goal = scenario.start_and_goal(layout)
@@ -52,5 +52,5 @@ def prepare_site(scenario: Scenario) -> Site:
 
 
 def site_with_open_goal(site: Site) -> Site | None:
-    """The site with the goal in the open lane; None where the scenario names none."""
+    """The site with its goal in the open lane; None where the scenario has no such goal."""
     return None if site.open_goal is None else replace(site, goal=site.open_goal)

@@ -27,6 +27,7 @@ CAR_HEIGHT_M = 1.5  # SUMO docs, "Vehicle Type Defaults", class "passenger"
 TRUCK_HEIGHT_M = 3.5  # chosen by us; ibid., class "truck" is 2.4 m high, "trailer" 4.0 m
 MIN_TRUCK_LENGTH_M = 7.0  # shorter vehicles are cars; ibid., class "truck" is 7.1 m long, "delivery" 6.5 m
 GROUND_CLEARANCE_M = 0.2  # under a vehicle's body; chosen by us
+BEAM_HALF_DEPTH_M = 0.04  # of a guardrail's W-beam, which is 3 1/4 in deep; AASHTO M 180
 POLE_HEIGHT_M, POLE_RADIUS_M = 2.1, 0.05  # 7 ft to the bottom of a sign, MUTCD 2A.15; 4 in posts
 
 
@@ -170,7 +171,7 @@ def _poles(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
 def _guardrail(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
     """Boxes of a guardrail: for each post spacing a piece of beam and, behind it, a post.
 
-    The W-beam is 312 mm high with its top at 31 in; blocks are 8 in deep, posts 150 mm wide.
+    The W-beam is 312 mm high with its top at 31 in; blocks are 8 in deep, posts 150 mm wide and 200 mm deep.
     Source: AASHTO Roadside Design Guide, ch. 5, Midwest Guardrail System.
     """
     boxes = [np.empty((0, BOX_COLUMNS))]
@@ -187,9 +188,9 @@ def _guardrail(road: Road, ground: Ground, spec: SceneSpec) -> FloatArray:
         columns = (np.cos(heading), np.sin(heading))
         size = np.ones(len(middles))
         z = ground.height(middles) + rail_top - beam_height / 2
-        boxes.append(np.column_stack([middles, z, length / 2, 0.04 * size, beam_height / 2 * size, *columns]))
+        boxes.append(np.column_stack([middles, z, length / 2, BEAM_HALF_DEPTH_M * size, beam_height / 2 * size, *columns]))
         post_height = rail_top + BURIED_M
-        behind = np.copysign(0.04 + 8 * METRES_PER_INCH + 0.1, offsets[side])
+        behind = np.copysign(BEAM_HALF_DEPTH_M + 8 * METRES_PER_INCH + 0.1, offsets[side])
         feet = road.to_xy(s[1:], np.full(len(s) - 1, offsets[side] + behind))
         z = ground.height(feet) - BURIED_M + post_height / 2
         boxes.append(np.column_stack([feet, z, 0.075 * size, 0.1 * size, post_height / 2 * size, *columns]))
