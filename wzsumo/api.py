@@ -4,8 +4,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from wzsumo.case import case
 from wzsumo.case.files import write_case
 from wzsumo.case.methods import DEFAULT_METHOD, chosen_methods
@@ -14,6 +12,7 @@ from wzsumo.case.watch import Progress, Watch, quiet_progress
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.errors import InputError
 from wzsumo.files.output import staged_folder
+from wzsumo.files.traces import fixes_from
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
@@ -54,7 +53,7 @@ def run_case(
 
 
 def build_map(
-    traces: pd.DataFrame,
+    traces: Any,
     *,
     method: str = DEFAULT_METHOD,
     seed: int = 1,
@@ -63,6 +62,7 @@ def build_map(
 ) -> OccupancyGrid:
     """The map of a trace table: vehicle_id, time_s, x_m, y_m, one row per fix, in metres of a local frame.
 
+    The table is pandas, geopandas, Arrow, or has `__geo_interface__`; columns may have the names of data providers and tools.
     `road` names a file that describes the road before the zone, in the frame of the traces: a scenario, or a TOML file with
     the sections [road] and [announced]. The defaults are those of `wzsumo map`. Free cells have a p_occupied below 0.196.
     Ground that no vehicle drove on is unknown, not free. Raises InputError where the table is no trace table or its traces are
@@ -79,7 +79,7 @@ def build_map(
         raise InputError(f"resolution_m={resolution_m} must be above 0 and at most 10 m, the edge of a cell")
     road_file = None if road is None else Path(road)
     chosen = crowd_method(method, road=road_file)
-    usable = usable_traces(traces, source="traces").traces
+    usable = usable_traces(fixes_from(traces).table, source="traces").traces
     before = read_road(road_file, usable, source="traces")
     grid, _ = map_of_traces(
         usable, chosen, source="traces", seed=seed, resolution_m=resolution_m, before=before, progress=quiet_progress

@@ -151,11 +151,7 @@ REFUSED = {
     ),
     "degrees": (
         crowd().assign(x_m=lambda t: -86.9 + t["x_m"] / 84_700, y_m=lambda t: 40.4 + t["y_m"] / 111_000),
-        ["-86.9", "longitude and latitude", "20 m/s", "project them"],
-    ),
-    "columns of degrees": (
-        crowd().rename(columns={"x_m": "longitude", "y_m": "lat_deg"}),
-        ["x_m and y_m missing", "longitude, lat_deg given", "project them"],
+        ["-86.9", "longitude and latitude", "20 m/s", "--columns lon=x_m lat=y_m"],
     ),
     "one fix a trace": (
         crowd().assign(vehicle_id=lambda t: np.arange(len(t))), ["each of 240 vehicle_ids has one fix", "the same id"]

@@ -19,7 +19,7 @@ def test_traces_come_back_from_both_formats(tmp_path: Path) -> None:
 
 def test_fixes_are_read_as_they_are_and_only_traces_are_checked(tmp_path: Path) -> None:
     TRACES.drop(columns="y_m").to_csv(tmp_path / "a.csv", index=False)
-    assert "y_m" not in read_fixes(tmp_path / "a.csv")
+    assert "y_m" not in read_fixes([tmp_path / "a.csv"]).table
     with pytest.raises(TraceError, match="y_m missing"):
         read_traces(tmp_path / "a.csv")
 
@@ -27,7 +27,7 @@ def test_fixes_are_read_as_they_are_and_only_traces_are_checked(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("name", "content", "part"),
     [
-        ("a.txt", b"", "ends in .parquet or .csv"),
+        ("a.doc", b"", "ends in .csv, .tsv"),
         ("a.csv", b"", "cannot be read as a trace table"),
         ("a.parquet", b"not parquet", "cannot be read as a trace table"),
         ("a.csv", None, "no such file"),
@@ -37,5 +37,5 @@ def test_file_that_holds_no_table_is_refused_with_its_path(tmp_path: Path, name:
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(TraceError, match=part) as error:
-        read_fixes(tmp_path / name)
+        read_fixes([tmp_path / name])
     assert str(tmp_path / name) in str(error.value)

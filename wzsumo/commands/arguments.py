@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from wzsumo.errors import SpecError
+
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
     """Add the argument SCENARIO.toml."""
@@ -12,6 +14,25 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
 def add_out_folder(parser: argparse.ArgumentParser) -> None:
     """Add the argument --out DIR."""
     parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """--columns and --crs: how a file of traces is to be read."""
+    parser.add_argument(
+        "--columns", nargs="+", metavar="MEANING=NAME", default=[],
+        help="columns of the traces by what they hold, as in --columns vehicle_id=trip time_ms=stamp x_ft=east y_ft=north",
+    )  # fmt: skip
+    parser.add_argument(
+        "--crs", help='what plane coordinates are in, such as "EPSG:32617"; without it they have no place on earth'
+    )
+
+
+def column_names(words: list[str]) -> dict[str, str]:
+    """The names of columns by their meanings. Raises SpecError where a word is no MEANING=NAME."""
+    for word in words:
+        if not all(word.partition("=")):
+            raise SpecError(f"--columns {word}: must be MEANING=NAME, as in --columns vehicle_id=trip")
+    return dict(word.split("=", 1) for word in words)
 
 
 def seed(text: str) -> int:

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +11,21 @@ import pandas as pd
 from wzsumo.case.map_method import Source
 from wzsumo.case.methods import DEFAULT_METHOD, methods_from
 from wzsumo.case.traces_map import crowd_method, map_of_traces, read_road
-from wzsumo.commands.arguments import add_out_folder, cell_edge_m, seed
+from wzsumo.commands.arguments import add_out_folder, add_reading, cell_edge_m, column_names, seed
 from wzsumo.commands.progress import progress_bar
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
+from wzsumo.files.frame import write_frame
 from wzsumo.files.output import staged_folder
 from wzsumo.files.ros_map import write_map
 from wzsumo.files.traces import read_fixes
 
 MORE = """\
-A trace file (.parquet or .csv) has one row a fix: vehicle_id, time_s, x_m, y_m (the vehicle's centre, metres of a local
-frame), and may have heading_rad, speed_mps, length_m, width_m. Free cells have p_occupied below 0.196; where nobody drove
-is unknown, not free.
+Traces are files or folders of .csv, .tsv, .parquet, GeoParquet, SUMO's FCD (.xml), .gpx, also as .csv.gz, one row a fix:
+vehicle_id, time_s, x_m, y_m (the vehicle's centre, metres), and may have heading_rad, speed_mps, length_m, width_m. The
+names of data providers and tools (journeyId, capturedTimestamp, latitude, ...), ISO 8601 and epoch times are known; --columns
+names others. Latitude and longitude are projected to a local frame, which frame.json beside map.yaml states.
+
+Free cells have p_occupied below 0.196; where nobody drove is unknown, not free.
 
 Traces alone leave open which lanes the road has and where they lie exactly; --road says how it was before the zone, in the
 frame of the traces. It names a scenario (its road and where its zone begins and ends count), or a file such as
@@ -39,8 +44,9 @@ MAX_DROPS_PRINTED = 8  # on stderr; --json lists all
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("traces", type=Path, metavar="TRACES.(parquet|csv)")
+    parser.add_argument("traces", type=Path, nargs="+", metavar="TRACES")
     add_out_folder(parser)
+    add_reading(parser)
     parser.add_argument("--method", choices=list(methods_from(Source.CROWD)), default=DEFAULT_METHOD)
     parser.add_argument("--road", type=Path, metavar="ROAD.toml", help="the road before the zone, to which the map is joined")
     parser.add_argument("--resolution-m", type=cell_edge_m, default=0.127, help="edge of a cell (default 0.127 m, 5 in)")
@@ -48,15 +54,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Write map.pgm and map.yaml of the traces in a file; what they are made of and what was left out.
+    """Write map.pgm, map.yaml and frame.json of the traces in files; what they are made of and what was left out.
 
-    Raises InputError where the file makes no map of one zone, and where the traces are not on the road.
+    Raises InputError where the files make no map of one zone, and where the traces are not on the road.
     """
-    method, source = crowd_method(args.method, road=args.road), str(args.traces)
-    table = read_fixes(args.traces)
-    usable = usable_traces(table, source=source)
-    n_fixes, traces = len(table), usable.traces
-    del table  # it may hold millions of fixes
+    method, source = crowd_method(args.method, road=args.road), " ".join(map(str, args.traces))
+    fixes = read_fixes(args.traces, columns=column_names(args.columns), crs=args.crs)
+    usable = usable_traces(fixes.table, source=source)
+    n_fixes, traces = len(fixes.table), usable.traces
+    fixes = replace(fixes, table=fixes.table.iloc[:0])  # it may hold millions of fixes
     _print_dropped(usable.dropped)
     before = read_road(args.road, traces, source=source)
     grid, learned = map_of_traces(
@@ -64,8 +70,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     )
     with staged_folder(args.out) as stage:
         write_map(grid, stage)
+        if fixes.frame:
+            write_frame(fixes.frame, stage)
     return {
         "map": str(args.out / "map.yaml"),
+        "frame": fixes.frame.as_json() if fixes.frame else None,
+        "read_as": list(fixes.said),
         "method": method.name,
         "n_traces": int(traces["vehicle_id"].nunique()),
         "n_fixes": n_fixes,
@@ -73,6 +83,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "dropped": usable.dropped.astype({"n_fixes": int}).to_dict("records"),
         "free_m2": float(grid.free.sum() * args.resolution_m**2),
         **learned,
+        "warnings": [*fixes.doubts, *learned.get("warnings", ())],
     }
 
 

@@ -1,0 +1,172 @@
+"""Raw tables of fixes from files and folders: separated text, Parquet, GeoParquet, SUMO's FCD in XML, GPX; compressed too."""
+
+import csv
+import gzip
+import io
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pandas as pd
+import pyarrow as pa
+from pyarrow import ArrowException
+
+from wzsumo.errors import TraceError
+
+SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".geoparquet", ".xml", ".gpx")  # each but Parquet may be followed by .gz
+_DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+\s*$")
+DEFAULT_CRS = "OGC:CRS84"  # of GeoParquet that names none (GeoParquet 1.1, "crs")
+
+
+def table_files(path: Path) -> list[Path]:
+    """The files of fixes that a path names: itself, or all of a folder and the folders in it, by name.
+
+    Raises TraceError where there is none.
+    """
+    if path.is_dir():
+        found = sorted(
+            file for file in path.rglob("*") if file.is_file() and _kind(file) and not file.name.startswith((".", "_"))
+        )
+        if not found:
+            raise TraceError(f"{path}: no file of traces in this folder; they end in {', '.join(SUFFIXES)} or .gz")
+        return found
+    if not path.is_file():
+        raise TraceError(f"{path}: no such file; name a file or folder of traces")
+    if not _kind(path):
+        raise TraceError(f"{path}: a trace file ends in {', '.join(SUFFIXES)}, or is one of these compressed (.gz)")
+    return [path]
+
+
+def read_table(path: Path) -> tuple[pd.DataFrame, str | None]:
+    """(the table of one file as it stands, its CRS where the file itself says one). Raises TraceError where it is none."""
+    try:
+        return _READERS[_kind(path)](path)
+    except (OSError, EOFError, ValueError, ArrowException, pd.errors.EmptyDataError, csv.Error, ET.ParseError) as error:
+        why = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise TraceError(f"{path}: cannot be read as a trace table ({why})") from None
+
+
+def table_of_arrow(table: pa.Table) -> tuple[pd.DataFrame, str | None]:
+    """(the table, the CRS of its geometry where it has one); GeoParquet's points become columns x and y."""
+    geometry, crs = _geometry_column(table)
+    if geometry is None:
+        return table.to_pandas(), None
+    import shapely
+
+    points = shapely.from_wkb(table[geometry].to_numpy())
+    frame = table.drop_columns([geometry]).to_pandas()
+    return frame.assign(x=shapely.get_x(points), y=shapely.get_y(points)), crs
+
+
+def _kind(path: Path) -> str:
+    """The suffix that says what a file is, lower case; empty where it is no trace file."""
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    suffix = suffixes[-2] if suffixes[-1:] == [".gz"] and len(suffixes) > 1 else (suffixes or [""])[-1]
+    compressed_parquet = suffixes[-1:] == [".gz"] and "parquet" in suffix
+    return suffix if suffix in SUFFIXES and not compressed_parquet else ""
+
+
+def _bytes(path: Path) -> bytes:
+    return gzip.decompress(path.read_bytes()) if path.suffix.lower() == ".gz" else path.read_bytes()
+
+
+def _read_text(path: Path) -> tuple[pd.DataFrame, str | None]:
+    content = _bytes(path)
+    first = content[:65536].decode("utf-8-sig", errors="replace").splitlines()
+    separator = _separator(first[0] if first else "")
+    comma = separator != "," and len(first) > 1 and any(_DECIMAL_COMMA.match(word) for word in first[1].split(separator))
+    decimal = "," if comma else "."  # as in exports of many countries
+    return pd.read_csv(io.BytesIO(content), sep=separator, decimal=decimal, encoding="utf-8-sig", low_memory=False), None
+
+
+def _separator(header: str) -> str:
+    """The one of comma, semicolon and tab that the header line holds most of."""
+    return max(",;\t|", key=header.count)
+
+
+def _read_parquet(path: Path) -> tuple[pd.DataFrame, str | None]:
+    import pyarrow.parquet as pq
+
+    return table_of_arrow(pq.read_table(path))
+
+
+def _geometry_column(table: pa.Table) -> tuple[str | None, str | None]:
+    metadata = (table.schema.metadata or {}).get(b"geo")
+    if metadata is None:
+        return None, None
+    about: dict[str, Any] = json.loads(metadata)
+    name = about.get("primary_column", "geometry")
+    column = about.get("columns", {}).get(name, {})
+    if name not in table.column_names or column.get("encoding", "WKB") != "WKB":
+        return None, None
+    crs = column.get("crs", DEFAULT_CRS)
+    return name, crs if isinstance(crs, str) or crs is None else json.dumps(crs)
+
+
+def _read_xml(path: Path) -> tuple[pd.DataFrame, str | None]:
+    """The table of an XML file: SUMO's FCD output, or GPX under another name."""
+    content = _bytes(path)
+    if b"<gpx" in content[:4096]:
+        return _gpx_table(content, source=path), None
+    rows = [
+        {"timestep_time": step.get("time")} | {f"vehicle_{key}": value for key, value in vehicle.attrib.items()}
+        for step in _elements(content, "timestep")
+        for vehicle in step.iter("vehicle")
+    ]
+    if not rows:
+        raise TraceError(f"{path}: no <timestep> with a <vehicle> in it; an .xml file of traces is SUMO's FCD output")
+    table = pd.DataFrame(rows)
+    for name in table.columns.difference(["vehicle_id", "vehicle_type", "vehicle_lane"]):
+        table[name] = pd.to_numeric(table[name], errors="coerce").astype(float)
+    return table, None
+
+
+def _read_gpx(path: Path) -> tuple[pd.DataFrame, str | None]:
+    return _gpx_table(_bytes(path), source=path), None
+
+
+def _gpx_table(content: bytes, *, source: Path) -> pd.DataFrame:
+    """One row a track point; each track segment is a trace of its own."""
+    rows = []
+    for number, segment in enumerate(_elements(content, "trkseg")):
+        for point in segment:
+            values = {_local_name(child): (child.text or "").strip() for child in point.iter()}
+            place = {"lat": point.get("lat", ""), "lon": point.get("lon", "")}
+            rows.append({"vehicle_id": f"{source.name.split('.')[0]}#{number + 1}"} | place | _known(values))
+    if not rows:
+        raise TraceError(f"{source}: no <trkseg> with points in it; a GPX file of traces holds tracks")
+    table = pd.DataFrame(rows)
+    for name in table.columns.difference(["vehicle_id", "time"]):
+        table[name] = pd.to_numeric(table[name], errors="coerce").astype(float)
+    return table
+
+
+def _known(values: dict[str, str]) -> dict[str, str]:
+    names = {"time": "time", "speed": "speed", "course": "course", "hdop": "hdop", "ele": "elevation"}
+    return {column: values[name] for name, column in names.items() if name in values}
+
+
+def _elements(content: bytes, name: str) -> Iterator[ET.Element]:
+    """Each element of that name, freed when the next one is asked for: FCD files are long."""
+    for _, element in ET.iterparse(io.BytesIO(content)):  # noqa: S314 - expat expands no external entities
+        if _local_name(element) == name:
+            yield element
+            element.clear()
+
+
+def _local_name(element: ET.Element) -> str:
+    return element.tag.rsplit("}", 1)[-1]
+
+
+_READERS = {
+    ".csv": _read_text,
+    ".tsv": _read_text,
+    ".txt": _read_text,
+    ".parquet": _read_parquet,
+    ".geoparquet": _read_parquet,
+    ".xml": _read_xml,
+    ".gpx": _read_gpx,
+}
