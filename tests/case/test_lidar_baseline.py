@@ -1,3 +1,5 @@
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -10,7 +12,7 @@ from wzsumo.case.assessment import lidar_figures
 from wzsumo.case.lidar_baseline import mapping_drive, others_at
 from wzsumo.case.methods import METHODS
 from wzsumo.case.sources import Sources
-from wzsumo.case.watch import Watch
+from wzsumo.case.watch import Tell, Watch
 from wzsumo.case.zone import SimulatedZone
 from wzsumo.errors import SpecError
 from wzsumo.grid import OccupancyGrid, cells_inside
@@ -108,6 +110,26 @@ def test_vehicles_of_a_moment_are_carried_on_from_their_last_fix() -> None:
     assert vehicles(129.0).empty
 
 
+@pytest.mark.parametrize(("before_s", "there"), [(0.9, True), (1.1, False)])
+def test_vehicle_whose_last_fix_is_a_second_before_the_drive_is_still_there(before_s: float, there: bool) -> None:
+    drive = Drive(time_s=np.array([130.0, 150.0]), poses=np.zeros((2, 3)))
+    fleet = fleet_of(("gone", 2.0, 0.0), start_s=130.0 - before_s).head(1)
+    vehicles = others_at(fleet, drive)(130.0)
+    assert len(vehicles) == there
+    if there:
+        assert vehicles["x_m"].item() == pytest.approx(15 * before_s)
+        assert vehicles["length_m"].item() == 4.6
+        assert vehicles["width_m"].item() == 1.8
+
+
+def test_moment_between_fixes_of_two_vehicles_has_those_of_the_last_time_alone() -> None:
+    drive = Drive(time_s=np.array([130.0, 150.0]), poses=np.zeros((2, 3)))
+    fleet = pd.concat([fleet_of(("a", 2.0, 0.0)).head(2), fleet_of(("b", 5.0, 0.0)).head(1)])
+    vehicles = others_at(fleet, drive)
+    assert set(vehicles(130.05)["y_m"]) == {2.0, 5.0}
+    assert set(vehicles(130.1)["y_m"]) == {2.0}  # b has left
+
+
 def no_files() -> NoReturn:
     raise AssertionError("nobody drives here")
 
@@ -117,10 +139,20 @@ def map_by(name: str, sources: Sources) -> OccupancyGrid:
 
 
 @pytest.fixture(scope="module")
-def sources() -> Sources:
+def shares() -> list[float]:
+    """The shares of the mapping drive that are told while it is mapped."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def sources(shares: list[float]) -> Sources:
+    @contextmanager
+    def progress(name: str, total: float) -> Iterator[Tell]:
+        yield shares.append
+
     fleet = fleet_of(("mapper", LANE, 0.0), ("follower", LANE, 1.5), ("beside", SITE.layout.road.lane_centre(0), 0.3))
     zone = SimulatedZone(over_zone=fleet, whole_fleet=lambda: fleet, sumo_files=no_files)
-    return Sources(zone=zone, scenario=SCENARIO, site=SITE, watch=Watch())
+    return Sources(zone=zone, scenario=SCENARIO, site=SITE, watch=Watch(progress=progress))
 
 
 def test_mapping_drive_knows_its_way_to_decimetres_and_finds_the_devices(sources: Sources) -> None:
@@ -129,6 +161,24 @@ def test_mapping_drive_knows_its_way_to_decimetres_and_finds_the_devices(sources
     assert figures["ate_m"] < 0.1  # the bar for a drive between cones with RTK
     assert figures["dead_reckoning_ate_m"] > figures["ate_m"]
     assert abs(figures["n_devices_mapped"] - len(SITE.layout.devices)) <= 1
+
+
+def test_every_scan_of_the_drive_has_a_pose_a_state_and_a_share_of_the_progress(sources: Sources, shares: list[float]) -> None:
+    figures = lidar_figures(sources.lidar)
+    (first_m, last_m), _ = SITE.layout.road.to_sd([SITE.start[:2], SITE.goal[:2]])
+    assert figures["n_scans"] == pytest.approx(5 * (last_m - first_m) / 15, abs=2)  # 5 scans a second at 15 m/s
+    assert sum(figures["scan_states"].values()) == figures["n_scans"] == len(shares)
+    assert 0.0 <= shares[0] < 0.05
+    assert 0.95 < shares[-1] <= 1.0
+    assert np.diff(shares) == pytest.approx(1 / figures["n_scans"], rel=0.1)
+
+
+def test_poses_of_the_drive_are_those_of_the_mapping_car(sources: Sources) -> None:
+    _, drive = mapping_drive(fleet_of(("mapper", LANE, 0.0)), scenario=SCENARIO, site=SITE)
+    x, y = sources.lidar.poses[:, 0, 3], sources.lidar.poses[:, 1, 3]
+    assert x[[0, -1]] == pytest.approx(drive.poses[[0, -1], 0], abs=3.5)  # a scan takes a fifth of a second
+    assert np.diff(x) == pytest.approx(15 / 5, abs=0.3)
+    assert y == pytest.approx(LANE, abs=0.3)
 
 
 def test_barrier_separates_the_closed_area_from_the_open_lanes_and_the_raw_view_does_not(sources: Sources) -> None:
