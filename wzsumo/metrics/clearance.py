@@ -1,4 +1,4 @@
-"""How near a path comes to the devices and to the road's edges, measured from the exact outline of the vehicle."""
+"""Clearance of a path from the devices and the road's edges, measured from the exact outline of the vehicle."""
 
 from dataclasses import dataclass
 
@@ -14,17 +14,17 @@ from wzsumo.work_zone import WorkZoneLayout
 
 @dataclass(frozen=True, kw_only=True)
 class Clearance:
-    """Least distances [m] of the vehicle's outline along a path; 0 where it touches."""
+    """Smallest distances [m] of the vehicle's outline along a path; 0 where it touches."""
 
     min_clearance_devices_m: float  # to the nearest device's outline
-    min_clearance_road_edge_m: float  # to the nearer edge of the pavement, shoulders included; below 0: beyond it
+    min_clearance_road_edge_m: float  # to the nearer edge of the pavement, shoulders included; negative beyond it
     closed_area_share: float  # share of the path's length on which part of the outline is in the closed area
 
 
 def clearance_along(poses: npt.ArrayLike, *, vehicle: VehicleGeometry, layout: WorkZoneLayout) -> Clearance:
     """Clearance of rear-axle poses (n, 3) to the devices, the pavement's edges and the closed area of `layout`."""
     path = np.asarray(poses, dtype=float)
-    # The distance to the swept area is that to the nearest piece of it: no union is needed.
+    # The distance to the swept area is the distance to its nearest piece, so the pieces need not be united.
     pieces = shapely.STRtree(swept_pieces(path, vehicle))
     _, to_devices = pieces.query_nearest(layout.device_outlines, return_distance=True, all_matches=False)
     outlines = vehicle.outline(path)

@@ -1,7 +1,7 @@
-"""Conflicts of vehicles, from their outlines: overlap, time to collision, deceleration to avoid it, post-encroachment time.
+"""Conflicts of vehicles by their outlines: overlap, time to collision, deceleration to avoid it, post-encroachment time.
 
 Outlines are oriented boxes: poses (..., 3) of their CENTRES (x [m], y [m], heading [rad], world frame) and sizes (..., 2),
-length and width [m]. Leading shapes broadcast. A vehicle that is not there has a NaN pose and no conflict.
+length and width [m]. Leading shapes broadcast. A vehicle that is absent has a NaN pose and no conflict.
 """
 
 from typing import NamedTuple
@@ -18,11 +18,11 @@ from wzsumo.tables import check_traces
 CONFLICT_COLUMNS = (
     "vehicle_id",
     "overlap",  # whether the outlines overlap at any time
-    "min_ttc_s",  # least time to collision, inf: never on a collision course
-    "max_drac_mps2",  # greatest deceleration to avoid the crash, 0: never on a collision course
+    "min_ttc_s",  # smallest time to collision, inf: never on a collision course
+    "max_drac_mps2",  # largest deceleration to avoid the crash, 0: never on a collision course
     "pet_s",  # post-encroachment time, inf: no place that both occupied within the horizon
 )
-EGO_PET_HORIZON_S = 5.0  # the longest post-encroachment time that is looked for; chosen by us, above any threshold in use
+EGO_PET_HORIZON_S = 5.0  # longer post-encroachment times count as none; above any threshold in use; chosen by us
 _NEEDED_COLUMNS = ("heading_rad", "speed_mps", "length_m", "width_m")
 
 
@@ -92,10 +92,10 @@ def post_encroachment_time(
 
 
 def conflicts_with_traffic(ego: pd.DataFrame, traffic: pd.DataFrame, *, dt: float, road: Road | None = None) -> pd.DataFrame:
-    """Conflicts of one vehicle with every other, `CONFLICT_COLUMNS`, one row a vehicle of `traffic`, sorted by id.
+    """Conflicts of one vehicle with every other, `CONFLICT_COLUMNS`, one row per vehicle of `traffic`, sorted by id.
 
     Both are trace tables with heading, speed, length and width, sampled on the clock k dt; the ego has one vehicle_id.
-    With a `road`, drivers are taken to follow its bends: collision courses are looked for on the straightened road.
+    With a `road`, vehicles are assumed to follow its bends: collision courses are those on the straightened road.
     """
     own, others = with_ticks(ego, dt=dt, source="ego"), with_ticks(traffic, dt=dt, source="traffic")
     rows = []
@@ -115,9 +115,9 @@ def conflicts_with_traffic(ego: pd.DataFrame, traffic: pd.DataFrame, *, dt: floa
 
 
 def straighten(poses: FloatArray, road: Road) -> FloatArray:
-    """Poses (n, 3) on the straightened road: station, lateral offset, heading against the road's own. NaN where a pose is.
+    """Poses (n, 3) on the straightened road: station, lateral offset, heading relative to the road; NaN where a pose is NaN.
 
-    Speeds are kept, which is right within the few per cent by which an outer lane is longer.
+    Speeds are kept, an error of the few percent by which an outer lane is longer than the reference line.
     """
     present = np.isfinite(poses).all(axis=1)
     straight = np.full_like(poses, np.nan)
@@ -127,7 +127,7 @@ def straighten(poses: FloatArray, road: Road) -> FloatArray:
 
 
 def with_ticks(traces: pd.DataFrame, *, dt: float, source: str) -> pd.DataFrame:
-    """The traces in order with a column `tick`, time_s / dt. Raises InputError where they are not on the clock."""
+    """The sorted traces with a column `tick`, time_s / dt. Raises InputError where times are no multiples of dt."""
     table = check_traces(traces, source=source)
     missing = [name for name in _NEEDED_COLUMNS if name not in table.columns]
     if missing:
@@ -140,7 +140,7 @@ def with_ticks(traces: pd.DataFrame, *, dt: float, source: str) -> pd.DataFrame:
 
 
 def _any_overlap(a: FloatArray, size_a: npt.ArrayLike, b: FloatArray, size_b: npt.ArrayLike) -> bool:
-    """Whether the boxes overlap in any row of a (n, 3) and b (n, 3). Rows too far apart for it are passed over."""
+    """Whether the boxes overlap in any row of a (n, 3) and b (n, 3). Rows whose boxes are too far apart are skipped."""
     reach = (np.hypot(*np.asarray(size_a, dtype=float)) + np.hypot(*np.asarray(size_b, dtype=float))) / 2
     near = np.hypot(a[:, 0] - b[:, 0], a[:, 1] - b[:, 1]) <= reach
     return bool(near.any() and boxes_overlap(a[near], size_a, b[near], size_b).any())

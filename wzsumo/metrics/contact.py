@@ -1,4 +1,4 @@
-"""What the outline of a vehicle touches: another vehicle, a device, the closed area, or ground beyond the pavement."""
+"""Contacts of a vehicle's outline: with another vehicle, a device, the closed area, or ground beyond the pavement."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,10 @@ from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
-# From the ego's rear axle to the centre of any vehicle that it may touch; chosen by us: a road train of 53.5 m, the longest in
-# Australia, reaches 27 m from its centre.
+# Largest distance from the ego's rear axle to the centre of a vehicle that it may touch. Chosen by us: a road train of 53.5 m,
+# the longest in Australia, reaches 27 m from its centre.
 TOUCH_REACH_M = 40.0
-BEYOND_ROAD_M = 50.0  # the pavement is taken to go on so far beyond both ends of the modelled road; chosen by us
+BEYOND_ROAD_M = 50.0  # the pavement is assumed to continue so far beyond both ends of the modelled road; chosen by us
 
 _SENTENCES = {
     Outcome.STRUCK_DEVICE: "the outline touches a channelizing device",
@@ -27,7 +27,7 @@ _SENTENCES = {
 
 @dataclass(frozen=True, kw_only=True)
 class PathContact:
-    """The first thing that the outline touches along a path, and how many devices it touches on all of it."""
+    """The first contact of the outline along a path, and the number of devices that it touches on the whole path."""
 
     outcome: Outcome
     first_contact_m: float  # arc length there; nan where nothing is touched
@@ -46,9 +46,9 @@ class ContactChecker:
         shapely.prepare([self._closed, self._pavement])
 
     def contact_now(self, state: EgoState, traffic: Traffic) -> tuple[Outcome, str] | None:
-        """What the vehicle touches in a state, and a sentence that says where; None where it touches nothing.
+        """The contact of the vehicle in a state, with a sentence that says where; None where it touches nothing.
 
-        Of several contacts the worst counts: a vehicle, a device, the closed area, the pavement's edge.
+        Of several contacts the worst counts. From the worst: a vehicle, a device, the closed area, the pavement's edge.
         """
         where = f"at ({state.x:.1f}, {state.y:.1f}) m"
         other = self._vehicle_touched(state, traffic)
@@ -61,7 +61,7 @@ class ContactChecker:
         return None
 
     def contact_along(self, poses: npt.ArrayLike) -> PathContact:
-        """The contact of rear-axle poses (n, 3), half a metre apart or less, that are driven exactly and without traffic.
+        """The contact along rear-axle poses (n, 3), half a metre apart or less, driven exactly and without traffic.
 
         Of several contacts at one pose the worst counts, in the order of `contact_now`.
         """
@@ -70,12 +70,12 @@ class ContactChecker:
         first = {outcome: int(np.argmax(at_pose)) for outcome, at_pose in touched.items() if at_pose.any()}
         if not first:
             return PathContact(outcome=Outcome.REACHED_GOAL, first_contact_m=float("nan"), n_devices_struck=0)
-        outcome = min(first, key=lambda touching: first[touching])  # the worst of those at one pose: min keeps the order
+        outcome = min(first, key=lambda touching: first[touching])  # of those at the same pose min returns the first, the worst
         driven = np.hypot(*np.diff(path[: first[outcome] + 1, :2], axis=0).T).sum()
         return PathContact(outcome=outcome, first_contact_m=float(driven), n_devices_struck=len(np.unique(devices)))
 
     def _vehicle_touched(self, state: EgoState, traffic: Traffic) -> str | None:
-        """Id of a vehicle whose outline overlaps the ego's."""
+        """Id of a vehicle whose outline overlaps the ego's, None where none does."""
         near = traffic.near(state.x, state.y, reach_m=TOUCH_REACH_M)
         if not near.ids:
             return None
@@ -85,7 +85,7 @@ class ContactChecker:
         return near.ids[int(np.argmax(hit))] if hit.any() else None
 
     def _ground_contacts(self, poses: FloatArray) -> tuple[dict[Outcome, BoolArray], npt.NDArray[np.intp]]:
-        """At which poses (n,) there is a contact, by outcome with the worst first; and the devices' numbers, one a contact."""
+        """Whether there is a contact at poses (n,), by outcome from the worst; and the device of each contact with a device."""
         outlines = shapely.polygons(self._vehicle.outline(poses))
         at_pose, device = self._devices.query(outlines, predicate="intersects")
         struck = np.zeros(len(poses), dtype=bool)

@@ -1,4 +1,4 @@
-"""What the ego costs the vehicles behind it: their time beyond what the same stretch took without it."""
+"""The delay that the ego causes to the vehicles behind it."""
 
 from dataclasses import dataclass
 
@@ -9,16 +9,16 @@ from wzsumo.frames import FloatArray, advance
 from wzsumo.road import Road
 from wzsumo.vehicle import VehicleGeometry
 
-PACE_BIN_M = 25.0  # length of the bins in which the pace without the ego is a mean; chosen by us
+PACE_BIN_M = 25.0  # length of the bins of the road over which the pace without the ego is averaged; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True)
 class DelayBehind:
-    """Delay of the vehicles behind the ego while it drove; below 0 where they were faster than without it."""
+    """Delay of the vehicles behind the ego while it drove; negative where they were faster than without the ego."""
 
     n_behind: int  # vehicles that were behind it at any time
-    delay_behind_s: float  # of all of them together
-    delay_behind_per_vehicle_s: float  # 0 where there was none
+    delay_behind_s: float  # sum over these vehicles
+    delay_behind_per_vehicle_s: float  # 0 without such vehicles
 
 
 def delay_behind(
@@ -26,10 +26,11 @@ def delay_behind(
 ) -> DelayBehind:
     """The delay that the ego causes, from its log and from `followers`, a trace table of all vehicles at equal intervals.
 
-    A vehicle counts in the intervals that begin with its centre behind the ego's on the road. Its delay is the length of the
-    interval less the time that the distance took without the ego, at the pace of `undisturbed`: traces on the same road of the
-    same drivers. The pace is Edie's, all time spent in a bin of the road over all distance driven there (Edie, Discussion of
-    traffic stream measurements and definitions, 1963). Vehicles of the opposing direction do not count.
+    A vehicle counts in the intervals at whose start its centre is behind the ego's centre. Its delay in an interval is the
+    length of the interval minus the time that the same distance took without the ego. That time follows from the pace of
+    `undisturbed`, traces of the same drivers on the same road without the ego. The pace of a bin of the road is the time that
+    all vehicles spent there over the distance that they drove there (Edie, Discussion of traffic stream measurements and
+    definitions, 1963). Vehicles of the opposing direction do not count.
     """
     centres = advance(ego[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float), vehicle.axle_to_centre_m)
     ego_station, _ = road.to_sd(centres[:, :2])
@@ -51,12 +52,12 @@ def delay_behind(
 
 
 def _interval(times: pd.Series) -> float:
-    """Least time [s] between two different times of a table."""
+    """Smallest difference [s] between two different times of a table."""
     return float(np.diff(np.unique(times.round(3))).min(initial=np.inf))
 
 
 def _undisturbed_time(start: pd.Series, end: pd.Series, undisturbed: pd.DataFrame, *, road: Road) -> FloatArray:
-    """Time [s] from stations to stations (n,) [m] at the pace of `undisturbed`; beyond its ends at that of its fastest bin."""
+    """Times [s] from stations to stations (n,) [m] at the pace of `undisturbed`; outside its stations at its fastest pace."""
     stations, _ = road.to_sd(undisturbed[["x_m", "y_m"]])
     table = pd.DataFrame({"id": undisturbed["vehicle_id"].to_numpy(), "t": undisturbed["time_s"].to_numpy(), "s": stations})
     later = table.groupby("id")[["t", "s"]].shift(-1)

@@ -1,7 +1,7 @@
-"""Breakdown of a bottleneck and what it discharges afterwards, from counts and speeds a minute.
+"""Breakdown of a bottleneck and its queue discharge, from counts and speeds per minute.
 
-The words are the Highway Capacity Manual's: capacity is the highest 15-minute flow up to the breakdown, queue discharge is the
-mean flow while a queue waits upstream, the drop is the share of the capacity that is lost.
+Terms of the Highway Capacity Manual: capacity is the highest 15-minute flow up to the breakdown, queue discharge is the mean
+flow while a queue waits upstream, the drop is the share of the capacity that is lost.
 """
 
 from dataclasses import dataclass
@@ -16,32 +16,32 @@ from wzsumo.frames import BoolArray, FloatArray
 # and times are set on our simulated traffic (analysis/traffic/discharge_runs.py): with 70 % instead of half, ten slow minutes
 # without a standing queue count as a breakdown, and the demand that passes after them as discharge.
 BREAKDOWN_SPEED_SHARE = 0.6  # of the free speed
-QUEUED_SPEED_SHARE = 0.5  # of the free speed: below it vehicles queue. Between HCM's free (above 75 %) and jammed flow
+QUEUED_SPEED_SHARE = 0.5  # of the free speed; slower vehicles queue. HCM: free flow is above 75 %
 BREAKDOWN_MIN, QUEUED_MIN = 5, 10
 SETTLING_MIN = 8  # from the breakdown to the steady discharge of a queue; set on our simulated traffic
 CAPACITY_MIN = 15  # HCM 7: capacity is a 15-minute flow
-MIN_DISCHARGE_MIN = 10  # the fewest minutes whose mean is quoted as a discharge; chosen by us
+MIN_DISCHARGE_MIN = 10  # a mean over fewer minutes is not given as a discharge; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True)
 class Discharge:
-    """Flows of a bottleneck in the unit of its counts an hour; NaN where the series is too short or nothing broke down."""
+    """Flows of a bottleneck per hour; NaN where the series is too short or there was no breakdown."""
 
     breakdown_min: float  # minutes from the start of the series
-    peak_flow_per_h: float  # highest 15-minute flow, up to the breakdown if there was one: then it is the capacity
+    peak_flow_per_h: float  # highest 15-minute flow; where there was a breakdown, that before it, the capacity
     queue_discharge_per_h: float
-    n_discharge_min: int  # minutes that the discharge is the mean of
+    n_discharge_min: int  # number of minutes over which the discharge is averaged
 
     @property
     def drop(self) -> float:
-        """Share of the capacity that is lost once the queue stands, NaN where none does."""
+        """Share of the capacity that is lost while a queue stands; NaN where none stands."""
         return 1 - self.queue_discharge_per_h / self.peak_flow_per_h
 
 
 def bottleneck_discharge(counts: npt.ArrayLike, upstream_speed: npt.ArrayLike, *, free_speed: float) -> Discharge:
     """Breakdown and discharge from counts (n,) [1/min] in the bottleneck and mean speeds (n,) [m/s] a few hundred metres ahead.
 
-    A minute without a vehicle has the speed NaN and counts as free.
+    The speed of a minute without a vehicle is NaN and counts as free.
     """
     count, speed = np.asarray(counts, dtype=float), np.asarray(upstream_speed, dtype=float)
     if count.shape != speed.shape or count.ndim != 1:

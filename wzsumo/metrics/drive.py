@@ -1,4 +1,4 @@
-"""What a drive was like: its conflicts with the traffic around it, its accelerations, its standstills."""
+"""Figures of a drive: its conflicts with the traffic around it, its accelerations, its standstills."""
 
 from dataclasses import dataclass
 
@@ -12,17 +12,17 @@ from wzsumo.metrics.conflicts import conflicts_with_traffic
 from wzsumo.road import Road
 from wzsumo.vehicle import VehicleGeometry
 
-CLOCK_S = 0.1  # time step of the surrounding traffic's log
-SMOOTHING_S = 0.5  # accelerations and jerk are means over it: single steps of a log hold the noise of its digits; chosen by us
-STANDSTILL_MPS = 0.1  # below it the ego stands; SUMO's "halting" threshold (SUMO docs, TraCI, "Halting Number")
+CLOCK_S = 0.1  # time step of the log of the surrounding traffic
+SMOOTHING_S = 0.5  # accelerations and jerk are means over this time, since rounding shows in single steps; chosen by us
+STANDSTILL_MPS = 0.1  # an ego slower than this stands; SUMO's "halting" threshold (SUMO docs, TraCI, "Halting Number")
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveMeasures:
-    """Figures of one drive. Where there was no conflict, TTC and PET are inf and DRAC is 0."""
+    """Figures of one drive. Without a conflict TTC and PET are inf and DRAC is 0."""
 
     min_ttc_s: float  # time to collision with any vehicle
-    max_drac_mps2: float  # deceleration that avoids the crash, the ego's or the other's
+    max_drac_mps2: float  # deceleration rate to avoid a crash, of the ego or of the other vehicle
     min_pet_s: float  # post-encroachment time; in car following it is the net time gap
     max_lateral_acceleration_mps2: float
     max_braking_mps2: float
@@ -32,7 +32,7 @@ class DriveMeasures:
 
 
 def measure_drive(run: EgoRun, vehicle: VehicleGeometry, *, road: Road | None = None) -> DriveMeasures:
-    """The measures of a run of at least two rows in its log; with a `road`, drivers are taken to follow its bends."""
+    """The figures of a run with at least two rows in its log. With a `road`, all vehicles are assumed to follow its bends."""
     log = run.log
     time, speed = log["time_s"].to_numpy(dtype=float), log["speed_mps"].to_numpy(dtype=float)
     step = float(np.median(np.diff(time)))
@@ -57,13 +57,13 @@ def measure_drive(run: EgoRun, vehicle: VehicleGeometry, *, road: Road | None = 
 
 
 def on_clock(time_s: npt.ArrayLike) -> BoolArray:
-    """Whether times are on the clock of the surrounding traffic's log."""
+    """Whether times [s] are times of the log of the surrounding traffic."""
     ticks = np.asarray(time_s, dtype=float) / CLOCK_S
     return np.asarray(np.abs(ticks - np.round(ticks)) < 0.01)
 
 
 def _ego_trace(run: EgoRun, vehicle: VehicleGeometry) -> pd.DataFrame:
-    """The ego as a trace of its CENTRE on the clock of the traffic's log."""
+    """The ego as a trace of its CENTRE at the times of the traffic's log."""
     log = run.log[on_clock(run.log["time_s"])]
     centre = advance(log[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float), vehicle.axle_to_centre_m)
     return pd.DataFrame({
@@ -73,7 +73,7 @@ def _ego_trace(run: EgoRun, vehicle: VehicleGeometry) -> pd.DataFrame:
 
 
 def _mean_change(values: FloatArray, *, window: int) -> FloatArray:
-    """Mean change a step of values (n,), over a window of so many steps around each value, cut off at both ends."""
+    """Mean change per step of values (n,), over `window` steps around each value; the window is cut off at both ends."""
     at = np.arange(len(values))
     after, before = np.minimum(at + (window + 1) // 2, len(values) - 1), np.maximum(at - window // 2, 0)
     return np.asarray((values[after] - values[before]) / np.maximum(after - before, 1))

@@ -1,4 +1,4 @@
-"""How a whole fleet drove through a zone: how many passed, their speed, their spread in the lanes, where they merged."""
+"""Figures of a fleet's drive through a zone: vehicles that passed, their speed, lateral spread and merge positions."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ import shapely
 from wzsumo.frames import FloatArray
 from wzsumo.work_zone import WorkZoneLayout
 
-BEYOND_ZONE_M = 20.0  # a vehicle whose centre is farther from the zone cannot reach into its closed area
+BEYOND_ZONE_M = 20.0  # the outline of a vehicle whose centre is farther away does not reach into the zone
 SD_OF_MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
-SUMO_ROUNDING_M = 1e-3  # SUMO's coordinates are good to a millimetre
+SUMO_ROUNDING_M = 1e-3  # SUMO's coordinates are exact to a millimetre
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class FleetSummary:
     """Figures of the fleet's traces."""
 
     n_vehicles: int
-    n_passed: int  # from before the zone to beyond it
+    n_passed: int  # first seen before the zone and last seen beyond it
     n_in_closed_area: int  # vehicles whose outline was in the closed area at any time
     lateral_sd_m: float  # between the vehicles of one lane in the activity area, robust; NaN where no vehicle was there
     mean_speed_activity_mps: float  # over all fixes in the activity area
@@ -27,7 +27,7 @@ class FleetSummary:
 
 
 def passages(traces: pd.DataFrame, layout: WorkZoneLayout) -> pd.Index:
-    """Ids of the vehicles of our direction that were first seen before the zone and last beyond it."""
+    """Ids of the vehicles that were first seen before the zone and last seen beyond it, along the stations."""
     station, _ = layout.road.to_sd(traces[["x_m", "y_m"]])
     seen = pd.Series(station).groupby(traces["vehicle_id"].to_numpy()).agg(["first", "last"])
     return seen.index[(seen["first"] < layout.start) & (seen["last"] > layout.end)]
@@ -38,7 +38,7 @@ def summarise_fleet(traces: pd.DataFrame, layout: WorkZoneLayout) -> FleetSummar
     station, offset = layout.road.to_sd(traces[["x_m", "y_m"]])
     table = traces.assign(s=station, d=offset)
     activity = layout.area("activity area")
-    there = table[(table["s"] >= activity.start) & (table["s"] <= activity.end)]
+    in_activity = table[(table["s"] >= activity.start) & (table["s"] <= activity.end)]
     near = table[(table["s"] > layout.start - BEYOND_ZONE_M) & (table["s"] < layout.end + BEYOND_ZONE_M)]
     passed = passages(traces, layout)
     merges = merge_positions(table[table["vehicle_id"].isin(passed)], layout)
@@ -46,14 +46,14 @@ def summarise_fleet(traces: pd.DataFrame, layout: WorkZoneLayout) -> FleetSummar
         n_vehicles=int(traces["vehicle_id"].nunique()),
         n_passed=len(passed),
         n_in_closed_area=_n_in_closed_area(near, layout),
-        lateral_sd_m=_lateral_sd(there, layout, station=(activity.start + activity.end) / 2),
-        mean_speed_activity_mps=float(there["speed_mps"].mean()),
+        lateral_sd_m=_lateral_sd(in_activity, layout, station=(activity.start + activity.end) / 2),
+        mean_speed_activity_mps=float(in_activity["speed_mps"].mean()),
         merge_position_m={f"q{q}": float(merges.quantile(q / 100)) for q in (10, 50, 90)} if len(merges) else {},
     )
 
 
 def merge_positions(table: pd.DataFrame, layout: WorkZoneLayout) -> pd.Series:
-    """Where each vehicle was last in a closing lane [m from the start of the first merging taper], by its id.
+    """The last station of each vehicle in a closing lane [m from the start of the first merging taper], by its id.
 
     `table` has the traces with stations `s` and lateral offsets `d`. A vehicle that never was in a closing lane has no entry.
     """
@@ -86,9 +86,9 @@ def _outlines(table: pd.DataFrame) -> FloatArray:
     )
 
 
-def _lateral_sd(there: pd.DataFrame, layout: WorkZoneLayout, *, station: float) -> float:
+def _lateral_sd(in_activity: pd.DataFrame, layout: WorkZoneLayout, *, station: float) -> float:
     """Standard deviation [m] of the vehicles' mean offsets about the median of their lane, from the median deviation."""
-    mean = there.groupby("vehicle_id")["d"].mean().to_numpy()
+    mean = in_activity.groupby("vehicle_id")["d"].mean().to_numpy()
     lanes = [lane for lane in layout.lanes if lane.start <= station <= lane.end]
     centres = np.array([float(lane.right(station) + lane.left(station)) / 2 for lane in lanes])
     if mean.size == 0:

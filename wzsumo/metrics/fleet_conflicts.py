@@ -1,6 +1,6 @@
-"""Conflicts of every vehicle of a fleet with every other, from the trace table: TTC, DRAC, PET and overlap of outlines.
+"""Conflicts of every vehicle of a fleet with every other one, from the trace table: TTC, DRAC, PET and overlap of outlines.
 
-SUMO's own records (SSM device, collisions) measure bumper gaps along lanes; here the outlines decide, as in `conflicts`.
+SUMO's own records (SSM device, collisions) measure bumper gaps along lanes. Here the outlines decide, as in `conflicts`.
 """
 
 import numpy as np
@@ -11,8 +11,8 @@ from wzsumo.frames import FloatArray, IntArray
 from wzsumo.metrics.conflicts import CONFLICT_COLUMNS, straighten, with_ticks
 from wzsumo.road import Road
 
-TTC_HORIZON_S = 5.0  # longer times are not looked for; thresholds of conflict in use are 1.5 to 4 s (Hayward 1972 and later)
-PET_HORIZON_S = 2.0  # longer times are not looked for: car following at a net time gap of 1 s is a PET of 1 s and no conflict
+TTC_HORIZON_S = 5.0  # longer times count as none; thresholds of conflict in use are 1.5 to 4 s (Hayward 1972 and later)
+PET_HORIZON_S = 2.0  # longer times count as none; car following at a net time gap of 1 s has a PET of 1 s and is no conflict
 
 
 def fleet_conflicts(
@@ -23,11 +23,11 @@ def fleet_conflicts(
     ttc_horizon_s: float = TTC_HORIZON_S,
     pet_horizon_s: float = PET_HORIZON_S,
 ) -> pd.DataFrame:
-    """The worst conflict of each vehicle with any other, `CONFLICT_COLUMNS`, one row a vehicle, sorted by id.
+    """The worst conflict of each vehicle with any other, `CONFLICT_COLUMNS`, one row per vehicle, sorted by id.
 
     `traces` has heading, speed, length and width on the clock k dt. A time to collision above its horizon is inf and gives
-    no DRAC; a post-encroachment time above its horizon is inf. With a `road`, drivers are taken to follow its bends:
-    collision courses are looked for on the straightened road.
+    no DRAC; a post-encroachment time above its horizon is inf. With a `road`, vehicles are assumed to follow its bends:
+    collision courses are those on the straightened road.
     """
     table = with_ticks(traces, dt=dt, source="traces")
     ids, vehicle = np.unique(table["vehicle_id"].to_numpy(dtype=str), return_inverse=True)
@@ -35,7 +35,7 @@ def fleet_conflicts(
     ttc, drac = _approaches(
         *_by_tick(table, vehicle, poses if road is None else straighten(poses, road)), len(ids), ttc_horizon_s
     )
-    lags = _least_lags(*_by_tick(table, vehicle, poses)[:-1], len(ids), int(pet_horizon_s / dt + 1e-9))
+    lags = _smallest_lags(*_by_tick(table, vehicle, poses)[:-1], len(ids), int(pet_horizon_s / dt + 1e-9))
     pet = np.where(lags < 0, np.inf, lags * dt)
     return pd.DataFrame(dict(zip(CONFLICT_COLUMNS, (ids, pet == 0, ttc, drac, pet), strict=True)))
 
@@ -52,7 +52,7 @@ def _by_tick(
     """(vehicle numbers, first row of each tick, poses, half sizes, speeds), sorted by tick, then by x."""
     order = np.lexsort((poses[:, 0], table["tick"].to_numpy()))
     tick = table["tick"].to_numpy()[order]
-    starts = np.searchsorted(tick, np.arange(tick[0], tick[-1] + 2))  # an entry for every tick, also where no vehicle is
+    starts = np.searchsorted(tick, np.arange(tick[0], tick[-1] + 2))  # an entry for every tick, also for one without a vehicle
     halves = table[["length_m", "width_m"]].to_numpy(dtype=float)[order] / 2
     return vehicle[order], starts, poses[order], halves, table["speed_mps"].to_numpy(dtype=float)[order]
 
@@ -61,8 +61,8 @@ def _by_tick(
 def _approaches(
     vehicle: IntArray, starts: IntArray, poses: FloatArray, halves: FloatArray, speed: FloatArray, n: int, horizon: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Least time to collision and greatest DRAC of each of n vehicles. Rows are sorted by tick, then by x."""
-    least, greatest = np.full(n, np.inf), np.zeros(n)
+    """Smallest time to collision and largest DRAC of each of n vehicles. Rows are sorted by tick, then by x."""
+    smallest, largest = np.full(n, np.inf), np.zeros(n)
     reach = np.sqrt(halves[:, 0] ** 2 + halves[:, 1] ** 2)
     velocity = np.empty((len(speed), 2))
     velocity[:, 0], velocity[:, 1] = speed * np.cos(poses[:, 2]), speed * np.sin(poses[:, 2])
@@ -88,15 +88,15 @@ def _approaches(
                 if relative > 0:
                     drac = relative / (2 * ttc) if ttc > 0 else np.inf
                 for row in (i, j):
-                    least[vehicle[row]] = min(least[vehicle[row]], ttc)
-                    greatest[vehicle[row]] = max(greatest[vehicle[row]], drac)
-    return least, greatest
+                    smallest[vehicle[row]] = min(smallest[vehicle[row]], ttc)
+                    largest[vehicle[row]] = max(largest[vehicle[row]], drac)
+    return smallest, largest
 
 
 @njit(cache=True)
-def _least_lags(vehicle: IntArray, starts: IntArray, poses: FloatArray, halves: FloatArray, n: int, most: int) -> IntArray:
-    """Least number of ticks between two outlines, of each of n vehicles and any other, in the same place; -1 above `most`."""
-    least = np.full(n, most + 1)
+def _smallest_lags(vehicle: IntArray, starts: IntArray, poses: FloatArray, halves: FloatArray, n: int, most: int) -> IntArray:
+    """Smallest number of ticks between the outlines of each of n vehicles and any other at one place; -1 above `most`."""
+    smallest = np.full(n, most + 1)
     reach = np.sqrt(halves[:, 0] ** 2 + halves[:, 1] ** 2)
     longest = reach.max()
     blocks = len(starts) - 1
@@ -113,13 +113,13 @@ def _least_lags(vehicle: IntArray, starts: IntArray, poses: FloatArray, halves: 
                     if d_x > near:
                         break
                     a, b = vehicle[i], vehicle[j]
-                    if a == b or (least[a] <= lag and least[b] <= lag):
+                    if a == b or (smallest[a] <= lag and smallest[b] <= lag):
                         continue
                     if d_x * d_x + d_y * d_y > (reach[i] + reach[j]) ** 2:
                         continue
                     if _time_to_touch(d_x, d_y, 0.0, 0.0, poses[i, 2], poses[j, 2], halves[i], halves[j]) == 0:
-                        least[a], least[b] = min(least[a], lag), min(least[b], lag)
-    return np.where(least > most, -1, least)
+                        smallest[a], smallest[b] = min(smallest[a], lag), min(smallest[b], lag)
+    return np.where(smallest > most, -1, smallest)
 
 
 @njit(cache=True)

@@ -1,4 +1,4 @@
-"""How well a map tells where one may drive: its free cells against the cells that truly are drivable."""
+"""Quality of a map: its free cells against the cells that are drivable in truth."""
 
 from dataclasses import dataclass
 
@@ -20,13 +20,13 @@ class MapQuality:
 
 def quality_of_cells(free: BoolArray, *, drivable: BoolArray, counted: BoolArray) -> MapQuality:
     """Quality of a map's `free` cells (rows, cols) among the `counted` ones; all `drivable` cells are counted ones."""
-    said_free = free & counted
-    n_both = int((said_free & drivable).sum())
-    n_free, n_drivable = int(said_free.sum()), int(drivable.sum())
+    counted_free = free & counted
+    n_both = int((counted_free & drivable).sum())
+    n_free, n_drivable = int(counted_free.sum()), int(drivable.sum())
     n_union = n_free + n_drivable - n_both
     return MapQuality(
         precision=n_both / n_free if n_free else float("nan"),
         recall=n_both / n_drivable if n_drivable else float("nan"),
         iou=n_both / n_union if n_union else float("nan"),
-        n_fragments=int(label(said_free, structure=np.ones((3, 3)))[1]),
+        n_fragments=int(label(counted_free, structure=np.ones((3, 3)))[1]),
     )

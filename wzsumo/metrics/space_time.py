@@ -12,8 +12,8 @@ import pandas as pd
 
 from wzsumo.frames import FloatArray
 
-MAX_QUEUE_HEAD_M = 500.0  # from the bottleneck to the queue's head: drivers who merge early slow others there; chosen by us
-MAX_QUEUE_GAP_M = 200.0  # free road within one queue: stop-and-go traffic is one queue; chosen by us
+MAX_QUEUE_HEAD_M = 500.0  # from the bottleneck to the queue's head, where drivers who merge early slow others; chosen by us
+MAX_QUEUE_GAP_M = 200.0  # length of free road within one queue, as in stop-and-go traffic; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ class SpaceTime:
 def space_time_grid(
     time: npt.ArrayLike, station: npt.ArrayLike, speed: npt.ArrayLike, *, dt: float, cell_s: float, cell_m: float
 ) -> SpaceTime:
-    """Grid over all fixes (n,): times [s], stations [m] and speeds [m/s], one fix a vehicle every `dt` [s].
+    """Grid over all fixes (n,): times [s], stations [m] and speeds [m/s], one fix per vehicle every `dt` [s].
 
     Each fix stands for dt seconds and speed x dt metres in the cell that it lies in. Cells begin at 0 s and 0 m. Fixes at
     stations below 0 do not count.
@@ -75,10 +75,11 @@ def space_time_grid(
 
 
 def queue_lengths(grid: SpaceTime, *, bottleneck: float, slow: float) -> FloatArray:
-    """How far the queue reaches back from station `bottleneck` [m] in every time cell, in metres; 0 where there is none.
+    """Length [m] of the queue upstream of station `bottleneck` [m] in every time cell; 0 without one.
 
-    A cell is queued where its speed is below `slow` [m/s]. The queue's head is the first such cell ahead of the bottleneck, its
-    tail the farthest one that is joined to it: between two queued cells lie at most MAX_QUEUE_GAP_M of free or empty road.
+    A cell is queued where its speed is below `slow` [m/s]. The queue's head is the nearest queued cell upstream of the
+    bottleneck, its tail the farthest one that is joined to it. Queued cells are joined where at most MAX_QUEUE_GAP_M of free or
+    empty road lies between them.
     """
     upstream = np.flatnonzero(grid.station_edges[1:] <= bottleneck + 1e-6)[::-1]
     away, cell = bottleneck - grid.station_edges[upstream], np.diff(grid.station_edges)[0]

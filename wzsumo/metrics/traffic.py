@@ -1,7 +1,7 @@
-"""What a zone does to its traffic: throughput, queue, delay, speeds, merging, hard braking, conflicts, emissions.
+"""Figures of a zone's traffic: throughput, queue, delay, speeds, merging, hard braking, conflicts, emissions.
 
-Everything comes from the trace table and from SUMO's trip records. `VEHICLE_COLUMNS`, `MINUTE_COLUMNS` and `STATION_COLUMNS`
-say what the three tables hold, `TrafficSummary` the figures of the whole run.
+They are computed from the trace table and SUMO's trip records. `VEHICLE_COLUMNS`, `MINUTE_COLUMNS` and `STATION_COLUMNS`
+describe the three tables, `TrafficSummary` the figures of the whole run.
 """
 
 from dataclasses import dataclass
@@ -48,24 +48,24 @@ STATION_COLUMNS = {
     "speed_sd_mps": "standard deviation of the speed that vehicles spend their time at, ibid.",
 }
 CELL_S, CELL_M = 10.0, 20.0  # space-time grid: finer than a stop-and-go wave, coarser than a car and its gap; chosen by us
-UPSTREAM_M = (400.0, 300.0)  # ahead of the bottleneck: the stretch whose speed shows a breakdown; chosen by us
-TAPER_APPROACH_M = 200.0  # ahead of the zone, from where on the spread of speeds counts; chosen by us
+UPSTREAM_M = (400.0, 300.0)  # stretch upstream of the bottleneck whose speed shows a breakdown; chosen by us
+TAPER_APPROACH_M = 200.0  # distance ahead of the zone from which the spread of speeds counts; chosen by us
 HARD_BRAKE_MPS2 = 2.67  # 0.272 g over a second: the threshold of connected-vehicle "hard braking" (Hunter et al. 2021)
 TTC_CONFLICT_S = 1.5  # FHWA's Surrogate Safety Assessment Model, default threshold
-PET_CONFLICT_S = 1.0  # below the net time gap of most drivers in one lane, so that mere following does not count; chosen by us
+PET_CONFLICT_S = 1.0  # below the net time gap of most drivers, so that car following is no conflict; chosen by us
 DRAC_CONFLICT_MPS2 = 3.35  # Archer 2005: above it a conflict is severe
 HOUR_S, MINUTE_S = 3600.0, 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrafficSummary:
-    """Figures of one run. Delays and travel times are those of vehicles that came through; NaN where there are none."""
+    """Figures of one run. Delays and travel times are those of vehicles that arrived; NaN where none did."""
 
     n_vehicles: int  # due to enter the road within the run
     n_arrived: int  # at the road's end
-    n_waiting: int  # still outside at the end of the run
+    n_waiting: int  # that still wait to enter at the end of the run
     throughput_vph: float  # flow past the middle of the activity area, after the warm-up
-    breakdown_s: float  # when a queue began to stand; NaN: none did
+    breakdown_s: float  # time at which a queue began to stand; NaN: none did
     peak_flow_vph: float  # highest 15-minute flow past the activity area, up to the breakdown if there was one
     queue_discharge_vph: float  # mean flow past the activity area while the queue stands
     max_queue_length_m: float  # from the end of the last merging taper back to the queue's tail
@@ -146,12 +146,12 @@ def measure_traffic(
 
 
 def bottleneck_station(layout: WorkZoneLayout) -> float:
-    """Station [m] that a queue stands ahead of: the end of the last merging taper, the zone's start where no lane closes."""
+    """Station [m] upstream of which a queue stands: the end of the last merging taper; without one the zone's start."""
     return max((area.end for area in layout.areas if area.name.startswith("merging taper")), default=layout.start)
 
 
 def count_hard_brakes(vehicle: npt.ArrayLike, speed: npt.ArrayLike, *, dt: float) -> pd.Series:
-    """Hard-braking events by vehicle: runs of fixes whose speed [m/s] lies 2.67 m/s or more below that of a second before.
+    """Number of hard-braking events by vehicle: runs of fixes that are 2.67 m/s or more slower than a second before.
 
     Rows are sorted by vehicle and time, one every `dt` [s].
     """
@@ -220,7 +220,7 @@ def _stations(table: pd.DataFrame, grid: SpaceTime, *, warm_up_s: float) -> pd.D
 
 
 def _crossing_times(table: pd.DataFrame, station: float) -> FloatArray:
-    """Times [s] of the vehicles' first fixes beyond a station [m]; a vehicle that was never seen before it has none."""
+    """Time [s] of each vehicle's first fix beyond a station [m], of the vehicles that were seen before it."""
     beyond = table["s"].to_numpy() >= station
     ids = table["vehicle_id"].to_numpy()
     crossed = beyond[1:] & ~beyond[:-1] & (ids[1:] == ids[:-1])

@@ -123,7 +123,7 @@ def _side(work_zone: WorkZone, lanes: list[int], count: int) -> Side:
                 f"shift_ft={work_zone.shift_ft:g}: lanes are open on both sides of closed_lanes={tuple(lanes)} and cannot all "
                 "move to one side; leave shift_ft and shifted_lane_width_ft out, or close the lanes beside it on one side too"
             )
-        return work_zone.closed_shoulder or "left"  # the left lane is the one that fewest use
+        return work_zone.closed_shoulder or "left"  # the left lane carries the least traffic
     side: Side = "right" if on_right else "left"
     if work_zone.closed_shoulder not in {None, side}:
         raise SpecError(
