@@ -1,11 +1,13 @@
 """How well maps of the kinds turn out: a row a map, the maps made as `wzsumo map` makes them.
 
-    python analysis/lane_map/measure.py --out results/lane_map [--kinds left right] [--receivers 0.5 mixed] [--n 5 30]
-        [--seeds 3] [--first 1] [--mode alone joined] [--method lanes] [--variants exact late_300 offset_1.5]
+    python analysis/lane_map/measure.py --out results/lane_map [--kinds left right us101 sumo_paper] [--receivers 0.5 mixed]
+        [--n 5 30] [--seeds 3] [--first 1] [--mode alone joined] [--method lanes] [--variants exact late_300 offset_1.5]
 
-Kinds are those of kinds.py; VARIANTS below are arguments of `Kind.case` by name. Seeds 1 to 80 are for development. Writes
-into --out rows.csv, one row a map as they come (a study that was stopped goes on where it was), and table.csv: medians and
-least values by kind, receivers, n, variant and mode, with 95 % intervals of the medians that resample seeds. One process.
+Kinds are those of kinds.py, of real vehicles where --real has them (real_traffic.py), and `sumo_...` zones of the library,
+whose fleets are kept in --fleets (sumo_kinds.py). VARIANTS below are arguments of `Kind.case` by name. Seeds 1 to 80 are for
+development. Writes into --out rows.csv, one row a map as they come (a study that was stopped goes on where it was), and
+table.csv: medians and least values by kind, receivers, n, variant and mode, with 95 % intervals of the medians that resample
+seeds. One process.
 """
 
 import argparse
@@ -13,16 +15,18 @@ import itertools
 import sys
 import time
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from cases import Case
-from kinds import KINDS
+from kinds import KINDS, Kind
 from map_scores import scores
+from real_traffic import RealKind, real_kinds
 from receivers import RECEIVERS
+from sumo_kinds import NAMES, SumoKind, sumo_kinds
 
 from wzsumo.case.methods import DEFAULT_METHOD
 from wzsumo.case.traces_map import crowd_method, map_of_traces
@@ -52,6 +56,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "sampled_10s": {"interval_s": 10.0},
     "sampled_30s": {"interval_s": 30.0},
 }
+AnyKind = Kind | RealKind | SumoKind
 KEYS = ["kind", "receivers", "n", "variant", "seed", "mode", "method"]
 FIGURES = ["precision", "recall", "iou", "fixes_on_free", "fixes_on_occupied", "ece", "ece_unsure", "unsure_share"]
 COLUMNS = [*KEYS, *FIGURES, "n_used", "cpu_s", "open_lanes", "warnings", "error"]
@@ -61,7 +66,9 @@ FAULT_OF_OURS = "fault: "  # begins the error of a map that raised anything but 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("results/lane_map"))
-    parser.add_argument("--kinds", nargs="+", default=list(KINDS), choices=list(KINDS))
+    parser.add_argument("--kinds", nargs="+", default=list(KINDS))
+    parser.add_argument("--real", type=Path, default=Path("results/real"), help="folder of trips of real vehicles")
+    parser.add_argument("--fleets", type=Path, default=Path("results/fleets"), help="folder of SUMO's fleets")
     parser.add_argument("--receivers", nargs="+", default=["0.5", "mixed"], choices=list(RECEIVERS))
     parser.add_argument("--n", nargs="+", type=int, default=[5, 10, 30, 100])
     parser.add_argument("--seeds", type=int, default=3, help="number of seeds")
@@ -71,18 +78,37 @@ def main() -> None:
     parser.add_argument("--method", default=DEFAULT_METHOD)
     parser.add_argument("--tables-only", action="store_true", help="make the table of the rows that there are")
     args = parser.parse_args()
+    kinds = kinds_named(args.kinds, real=args.real, fleets=args.fleets)
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "rows.csv"
     if not args.tables_only:
         seeds = range(args.first, args.first + args.seeds)
         wanted = itertools.product(seeds, args.kinds, args.receivers, args.n, args.variants)
-        measure(path, wanted, modes=args.mode, method=args.method)
+        measure(path, wanted, kinds=kinds, modes=args.mode, method=args.method)
     table = table_of(pd.read_csv(path, dtype={"receivers": str}))
     table.to_csv(args.out / "table.csv", index=False)
     print(table[[*GROUP, "maps", "failed", "precision", "precision_least", "iou", "iou_least"]].to_string(index=False))
 
 
-def measure(path: Path, wanted: Iterable[tuple[int, str, str, int, str]], *, modes: Iterable[str], method: str) -> None:
+def kinds_named(names: Iterable[str], *, real: Path, fleets: Path) -> dict[str, AnyKind]:
+    """The kinds of these names. Raises ValueError with all names where there is none."""
+    known: dict[str, AnyKind] = {**KINDS, **real_kinds(real)}
+    if any(name.startswith("sumo_") for name in names):
+        known |= sumo_kinds(fleets)
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise ValueError(f"kinds {unknown}: unknown; known are {', '.join(known)} and sumo_{', sumo_'.join(NAMES)}")
+    return {name: known[name] for name in names}
+
+
+def measure(
+    path: Path,
+    wanted: Iterable[tuple[int, str, str, int, str]],
+    *,
+    kinds: Mapping[str, AnyKind],
+    modes: Iterable[str],
+    method: str,
+) -> None:
     """Append to the rows at `path` those that are not there yet; `wanted` are (seed, kind, receivers, n, variant)."""
     there = pd.read_csv(path, dtype={"receivers": str}) if path.exists() else pd.DataFrame(columns=KEYS)
     known = set(there[KEYS].itertuples(index=False, name=None))
@@ -91,7 +117,7 @@ def measure(path: Path, wanted: Iterable[tuple[int, str, str, int, str]], *, mod
         missing = {mode: key for mode, key in keys.items() if key not in known}
         if not missing:
             continue
-        case = KINDS[kind].case(n=n, seed=seed, receivers=receivers, **VARIANTS[variant])
+        case = kinds[kind].case(n=n, seed=seed, receivers=receivers, **VARIANTS[variant])
         for mode, key in missing.items():
             row = dict(zip(KEYS, key, strict=True)) | row_of(case, joined=mode == "joined", method=method, seed=seed)
             pd.DataFrame([row], columns=COLUMNS).to_csv(path, mode="a", header=not path.exists(), index=False)
