@@ -93,8 +93,8 @@ class LocalFrame:
         return _transformer(WGS_84, self.crs)
 
 
-def local_frame(lonlat: npt.ArrayLike) -> LocalFrame:
-    """The frame around points (n, 2) [degrees]: transverse Mercator, scale 1, with its origin at their rounded middle.
+def local_frame(lonlat: npt.ArrayLike, *, step_deg: float = ORIGIN_STEP_DEG) -> LocalFrame:
+    """The frame around points (n, 2) [degrees]: transverse Mercator, scale 1, with its origin at their middle, rounded.
 
     The middle is the median of finite points, counted from the first so that points on both sides of 180 degrees lie together.
 
@@ -106,9 +106,9 @@ def local_frame(lonlat: npt.ArrayLike) -> LocalFrame:
     turned = wrap_longitude(degrees[:, 0] - degrees[0, 0])
     lon = float(wrap_longitude(degrees[0, 0] + np.median(turned)))
     lat = float(np.median(degrees[:, 1]))
-    lon, lat = (round(round(value / ORIGIN_STEP_DEG) * ORIGIN_STEP_DEG, 2) for value in (lon, lat))
+    lon, lat = (round(round(value / step_deg) * step_deg, 9) for value in (lon, lat))
     return LocalFrame(
-        crs=f"+proj=tmerc +lat_0={lat:g} +lon_0={lon:g} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs +type=crs"
+        crs=f"+proj=tmerc +lat_0={lat:.12g} +lon_0={lon:.12g} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs +type=crs"
     )
 
 

@@ -27,6 +27,13 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_origin(parser: argparse.ArgumentParser) -> None:
+    """--origin LAT LON: a place for metres that have none."""
+    parser.add_argument(
+        "--origin", type=number, nargs=2, metavar=("LAT", "LON"), help="where (0, 0) of lanes without a place on earth lies"
+    )
+
+
 def column_names(words: list[str]) -> dict[str, str]:
     """The names of columns by their meanings. Raises SpecError where a word is no MEANING=NAME."""
     for word in words:
