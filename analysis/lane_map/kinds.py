@@ -42,11 +42,12 @@ class Kind:
         receivers: str = "0.5",
         faults: Iterable[str] = (),
         interval_s: float = 1.0,
+        states_accuracy: bool = False,
         common_offset_m: float = 0.0,
         announced_shift_m: float = 0.0,
         road_offset_m: float = 0.0,
     ) -> Case:
-        """Traces of n vehicles, with the road before and the truth.
+        """Traces of n vehicles, with the road before and the truth; position_sd_m where the receivers state their error.
 
         All positions are `common_offset_m` off to the left. The zone is announced `announced_shift_m` too far on (negative: too
         early), the road is drawn `road_offset_m` to the left of where it is.
@@ -65,6 +66,8 @@ class Kind:
         if self.other_direction:
             tables += self._others(layout, n, receivers, interval_s=interval_s, seed=seed)
         traces = pd.concat(tables, ignore_index=True)
+        if not states_accuracy:
+            traces = traces.drop(columns="position_sd_m")
         if common_offset_m:
             heading = float(layout.alignment.heading(np.array([layout.length / 2]))[0])
             traces["x_m"] -= common_offset_m * np.sin(heading)
@@ -100,7 +103,8 @@ def _plan_of_faults(n: int, faults: tuple[str, ...]) -> dict[int, str]:
 def _table(driven: Drive, layout: Layout, number: int, receivers: str, *, interval_s: float, seed: int) -> pd.DataFrame:
     receiver = receiver_of(receivers, seed=seed, number=number)
     fixes = reported(driven, layout, receiver, interval_s=interval_s, seed=seed, number=number)
-    return pd.DataFrame({"vehicle_id": f"v{number:05d}", "time_s": fixes[:, 0], "x_m": fixes[:, 1], "y_m": fixes[:, 2]})
+    columns = dict(zip(("time_s", "x_m", "y_m"), fixes.T, strict=True))
+    return pd.DataFrame({"vehicle_id": f"v{number:05d}", **columns, "position_sd_m": receiver.error})
 
 
 KINDS: dict[str, Kind] = {name: Kind(name=name, layout=layout) for name, layout in LAYOUTS.items()}

@@ -50,6 +50,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
     "half_change": {"faults": ("half_change",)},
     "truck_1": {"faults": ("truck1",)},
     "truck_2": {"faults": ("truck2",)},
+    "stated": {"states_accuracy": True},
     "sampled_100Hz": {"interval_s": 0.01},
     "sampled_10Hz": {"interval_s": 0.1},
     "sampled_3s": {"interval_s": 3.0},

@@ -54,6 +54,7 @@ class RealKind:
         receivers: str = "0.5",
         faults: Iterable[str] = (),
         interval_s: float = 1.0,
+        states_accuracy: bool = False,
         common_offset_m: float = 0.0,
         announced_shift_m: float = 0.0,
         road_offset_m: float = 0.0,
@@ -70,6 +71,8 @@ class RealKind:
             _reported(of_trip[trip], number, receivers, interval_s=interval_s, seed=seed) for number, trip in enumerate(chosen)
         ]
         traces = pd.concat(tables, ignore_index=True)
+        if not states_accuracy:
+            traces = traces.drop(columns="position_sd_m")
         across = _normals(self.axis)
         traces[["x_m", "y_m"]] += common_offset_m * across.mean(axis=0)
         return Case(
@@ -107,10 +110,11 @@ def _reported(trip: pd.DataFrame, number: int, receivers: str, *, interval_s: fl
     random = np.random.default_rng([seed, number, 5])
     t = trip["t"].to_numpy()
     at = np.arange(t[0] + random.uniform(0, min(interval_s, 0.3 * np.ptp(t))), t[-1] + 1e-6, interval_s)
-    error = receiver_of(receivers, seed=seed, number=number).errors(at, random)
+    receiver = receiver_of(receivers, seed=seed, number=number)
+    error = receiver.errors(at, random)
     x, y = (np.interp(at, t, trip[axis]) for axis in ("x", "y"))
-    time = at - t[0] + 20.0 * number
-    return pd.DataFrame({"vehicle_id": f"v{number:05d}", "time_s": time, "x_m": x + error[:, 0], "y_m": y + error[:, 1]})
+    columns = {"time_s": at - t[0] + 20.0 * number, "x_m": x + error[:, 0], "y_m": y + error[:, 1]}
+    return pd.DataFrame({"vehicle_id": f"v{number:05d}", **columns, "position_sd_m": receiver.error})
 
 
 def _i80(trips: pd.DataFrame) -> RealKind:

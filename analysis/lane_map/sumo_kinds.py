@@ -61,13 +61,14 @@ class SumoKind:
         receivers: str = "0.5",
         faults: Iterable[str] = (),
         interval_s: float = 1.0,
+        states_accuracy: bool = False,
         common_offset_m: float = 0.0,
         announced_shift_m: float = 0.0,
         road_offset_m: float = 0.0,
     ) -> Case:
         """Traces of the first n equipped vehicles; arguments as those of `Kind.case`, faults are not made."""
-        if tuple(faults):
-            raise ValueError(f"{self.name}: faults={tuple(faults)} are not made of SUMO's vehicles")
+        if tuple(faults) or states_accuracy:
+            raise ValueError(f"{self.name}: faults={tuple(faults)} and stated accuracy are not made of SUMO's vehicles")
         fleet = self.true_traces(seed)
         chosen = choose_equipped(pd.Index(fleet["vehicle_id"].unique()), penetration=1.0, seed=seed)
         if n > len(chosen):

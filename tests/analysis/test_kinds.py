@@ -180,6 +180,14 @@ def test_mixed_crowd_has_half_good_three_tenths_middling_and_a_fifth_bad_receive
     assert shares == pytest.approx({0.5: 0.5, 1.5: 0.3, 4.0: 0.2}, abs=0.03)
 
 
+def test_stated_accuracy_is_that_of_each_receiver() -> None:
+    silent, stated = (KINDS["left"].case(n=6, seed=3, receivers="mixed", states_accuracy=said).traces for said in (False, True))
+    assert list(silent) == ["vehicle_id", "time_s", "x_m", "y_m"]
+    pd.testing.assert_frame_equal(stated[list(silent)], silent)
+    by_vehicle = stated.groupby("vehicle_id")["position_sd_m"].unique()
+    assert [list(errors) for errors in by_vehicle] == [[receiver_of("mixed", seed=3, number=k).error] for k in range(6)]
+
+
 def test_one_vehicle_jumps_by_3_6_m_for_7_s() -> None:
     calm, jumps = (KINDS["left"].case(n=5, seed=3, receivers="0", faults=faults).traces for faults in ((), ("jump",)))
     moved = np.hypot(*(jumps[["x_m", "y_m"]] - calm[["x_m", "y_m"]]).to_numpy().T)
