@@ -81,6 +81,34 @@ def test_crossover_moves_its_lane_on_to_the_other_carriageway() -> None:
     assert left[0] > 2 * layout.width + 4 * FOOT  # beyond the left shoulder of before
 
 
+@pytest.mark.parametrize(("name", "leaves"), [("on_ramp", False), ("off_ramp", True)])
+def test_ramps_have_an_auxiliary_lane_of_200_m_with_a_taper_of_60_m(name: str, leaves: bool) -> None:
+    case = KINDS[name].case(n=1, seed=5)
+    layout = layout_of(case)
+    assert layout.ramp is not None
+    gore = layout.ramp.gore
+    lane = (gore - 260, gore) if leaves else (gore, gore + 260)
+    beside = case.before().road.strip(200 + lane[0], 200 + lane[1], -10.0, 0.0)
+    assert case.drivable.intersection(beside).area == pytest.approx(layout.width * (200 + 60 / 2), rel=1e-3)
+    # Beyond the gore the ramp runs away with a radius of 700 m to a slope of 0.1: 3.5 m after 70 m, then 0.1 a metre.
+    far = gore + (120 if leaves else -120)
+    expected = -(3.5 + 5.0 + layout.width / 2)
+    x, y = layout.to_xy(
+        np.full(3, far), np.array([expected, expected + layout.width / 2 + 0.05, expected - layout.width / 2 - 0.05])
+    ).T
+    assert list(shapely.contains_xy(case.drivable, x, y)) == [True, False, False]
+
+
+@pytest.mark.parametrize("name", ["on_ramp", "off_ramp", "exit_in_zone"])
+def test_drivers_of_ramps_keep_on_the_open_ground(name: str) -> None:
+    case = KINDS[name].case(n=40, seed=6, receivers="0")
+    x, y = case.traces[["x_m", "y_m"]].to_numpy().T
+    inside = shapely.contains_xy(case.scored, x, y)
+    _, offset = case.before().road.to_sd(np.column_stack([x, y]))
+    assert (offset[inside] < -2).sum() > 30
+    assert shapely.contains_xy(case.drivable, x[inside], y[inside]).all()
+
+
 @pytest.mark.parametrize("name", ["left", "right_r900", "left_s_bend", "on_ramp", "shift", "crossover_2"])
 def test_truth_lies_where_the_road_file_says(name: str) -> None:
     case = KINDS[name].case(n=2, seed=5)
