@@ -31,6 +31,7 @@ COMMANDS = {
     "map": "make a ROS map (map.pgm, map.yaml) from anybody's traces",
     "export": "write the lanes of a map as Lanelet2, OpenDRIVE or GeoParquet",
     "plan": "plan a path on any ROS map with Hybrid A*",
+    "place": "set a zone up in an existing SUMO network, with its demand: open closed/run.sumocfg",
     "sweep": "run what is missing of a study: results.parquet, one row a case",
     "report": "write figures, tables and report.html of a run's or a sweep's folder",
     "ground": "label the ground points of a cloud by SMRF: 1 = ground",

@@ -25,6 +25,10 @@ class NoGroundError(CloudError):
     """A point cloud in which no ground was found, so that objects on it cannot be found either."""
 
 
+class PlacementError(InputError):
+    """A place in a network at which the zone cannot be set up, or a file of that network that cannot be used."""
+
+
 class OutputError(InputError):
     """A file or folder to which results cannot be written."""
 

@@ -62,7 +62,7 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
         edges, folder, spec=spec.demand, speed=mps_from_mph(layout.work_zone.posted_speed_mph), seed=seed,
         opposing=opposing_edges_of(layout),
     )  # fmt: skip
-    additional = _write_drawing(layout, folder)
+    additional = write_drawing(layout, folder / "zone.add.xml")
     root = ET.Element("configuration")
     sections = {
         "input": {"net-file": net.name, "route-files": routes.name, "additional-files": additional.name},
@@ -85,8 +85,8 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
     return SumoFiles(config=config, edges=edges, step_length=spec.step_length_s, duration=spec.demand.duration_s)
 
 
-def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
-    """Write zone.add.xml, polygons and points that sumo-gui draws and SUMO's vehicles do not see; returns its path."""
+def write_drawing(layout: WorkZoneLayout, path: Path) -> Path:
+    """Write the zone as polygons and points that sumo-gui draws and SUMO's vehicles do not see; returns the file's path."""
     root = ET.Element("additional")
     for name, colour in _AREA_COLOURS.items():
         area: BaseGeometry = getattr(layout, name)
@@ -102,7 +102,6 @@ def _write_drawing(layout: WorkZoneLayout, folder: Path) -> Path:
         id_ = f"sign_{number:02d}_{sign['text'].replace(' ', '_')}"
         place = {"x": f"{sign['x_m']:.3f}", "y": f"{sign['y_m']:.3f}"}
         ET.SubElement(root, "poi", place, id=id_, type=sign["code"], color="255,128,0", layer="6")
-    path = folder / "zone.add.xml"
     write_xml(root, path)
     return path
 

@@ -1,0 +1,200 @@
+"""The command from start to end, and SUMO's own runs of what it wrote."""
+
+import functools
+import io
+import json
+import subprocess
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+from placement.networks import city, freeway, new_folder
+from sumo_runs import outlines_in
+
+from wzsumo.cli import main
+from wzsumo.simulation.connection import sumo_binary
+
+LEFT_LANE = "[work_zone]\nclosed_lanes = [2]\nwork_length_ft = 500\n"
+DETECTORS = """<additional>
+    <inductionLoop id="before" lane="m3_2" pos="200" period="600" file="det.xml"/>
+    <inductionLoop id="within" lane="m3_1" pos="600" period="600" file="det.xml"/>
+    <inductionLoop id="closed" lane="m3_2" pos="600" period="600" file="det.xml"/>
+    <laneAreaDetector id="area" lane="m3_0" pos="250" length="300" period="600" file="det.xml"/>
+    <taz id="z" edges="m3 m4"/>
+</additional>"""
+CONFIG = """<configuration>
+    <input> <!-- kept -->
+        <net-file value="../small.net.xml"/> <route-files value="../demand.rou.xml"/>
+        <additional-files value="detectors.add.xml"/>
+    </input>
+    <output><tripinfo-output value="trips.xml"/></output>
+    <time><begin value="0"/><end value="900"/></time>
+</configuration>"""
+
+
+def run_place(*words: object) -> tuple[int, str, str]:
+    """(exit code, stdout, stderr) of `wzsumo place`."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as stopped:
+        main(["place", *map(str, words)])
+    return int(stopped.value.code or 0), out.getvalue(), err.getvalue()
+
+
+def simulate(folder: Path, *options: str) -> str:
+    command = [
+        str(sumo_binary("sumo")),
+        "-c",
+        str(folder / "run.sumocfg"),
+        "--no-step-log",
+        "--xml-validation",
+        "never",
+        *options,
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
+@functools.cache
+def placed_freeway() -> tuple[Path, dict[str, object]]:
+    """The left lane closed 300 m before the middle of edge m3, with detectors, from a whole configuration; and what it says."""
+    folder = freeway().parent / "configuration"
+    folder.mkdir()
+    (folder / "zone.toml").write_text(LEFT_LANE)
+    (folder / "detectors.add.xml").write_text(DETECTORS)
+    (folder / "given.sumocfg").write_text(CONFIG)
+    out = new_folder() / "out"
+    code, told, err = run_place(
+        freeway(),
+        "--zone",
+        folder / "zone.toml",
+        "--at",
+        "m3",
+        300,
+        "--sumocfg",
+        folder / "given.sumocfg",
+        "--out",
+        out,
+        "--json",
+    )
+    assert code == 0, err
+    return out, json.loads(told)
+
+
+@functools.cache
+def trips(name: str) -> pd.DataFrame:
+    out, _ = placed_freeway()
+    warnings = simulate(out / name, "--seed", "7")
+    assert "teleport" not in warnings.lower()
+    rows = [trip.attrib for trip in ET.parse(out / name / "trips.xml").iter("tripinfo")]  # noqa: S314
+    return pd.DataFrame(rows).set_index("id")
+
+
+def test_three_configurations_keep_the_given_one_but_for_the_names_of_files() -> None:
+    out, figures = placed_freeway()
+    assert figures["cuts"] == {"m3": {"pieces": ["m3.wz0", "m3.wz1", "m3.wz2", "m3.wz3"], "at_m": [300.0, 349.5, 887.48]}}
+    for name, additionals in (
+        ("original", "detectors.add.xml"),
+        ("open", "wzsumo.vtype.add.xml,detectors.add.xml"),
+        ("closed", "wzsumo.vtype.add.xml,detectors.add.xml,wzsumo.zone.add.xml"),
+    ):
+        text = (out / name / "run.sumocfg").read_text()
+        assert text == CONFIG.replace('"../small.net.xml"', '"small.net.xml"').replace("../demand", "demand").replace(
+            '"detectors.add.xml"', f'"{additionals}"'
+        )
+    for file in ("small.net.xml", "demand.rou.xml"):
+        assert (out / "original" / file).read_bytes() == (freeway().parent / file).read_bytes()
+        assert (out / "open" / file).read_bytes() != (freeway().parent / file).read_bytes()
+    assert "<!-- stays -->" in (out / "closed" / "demand.rou.xml").read_text()
+
+
+def test_every_vehicle_drives_as_far_in_all_three_and_nobody_is_lost() -> None:
+    original, opened, closed = (trips(name)["routeLength"].astype(float) for name in ("original", "open", "closed"))
+    assert len(original) > 250
+    for other in (opened, closed):
+        assert set(other.index) == set(original.index)
+        assert np.abs(other - original[other.index]).max() < 0.0101
+
+
+def test_detectors_count_the_same_vehicles_where_nothing_is_closed_and_none_in_the_closed_lane() -> None:
+    counts = {}
+    for name in ("original", "open", "closed"):
+        trips(name)
+        rows = ET.parse(placed_freeway()[0] / name / "det.xml").iter("interval")  # noqa: S314
+        seen = [(row.get("id"), float(row.get("nVehContrib") or row.get("nVehSeen") or 0)) for row in rows]
+        counts[name] = pd.DataFrame(seen, columns=["id", "n"]).groupby("id")["n"].sum().to_dict()
+    assert counts["open"]["within"] == pytest.approx(counts["original"]["within"], rel=0.15)
+    assert counts["open"]["area"] == pytest.approx(counts["original"]["area"], rel=0.15)
+    assert counts["original"]["closed"] > 20
+    assert counts["closed"]["closed"] == 0
+
+
+def test_nobody_drives_over_the_closed_ground_and_without_the_zone_many_do() -> None:
+    out, _ = placed_freeway()
+    features = json.loads((out / "layout.geojson").read_text())["features"]
+    ground = next(shapely.geometry.shape(f["geometry"]) for f in features if f["properties"]["name"] == "closed_area")
+    core = ground.buffer(-0.1)
+    over = {}
+    for name in ("open", "closed"):
+        fcd = new_folder() / "fcd.csv"
+        simulate(out / name, "--fcd-output", str(fcd), "--fcd-output.filter-edges.input-file", str(_pieces(out)))
+        rows = pd.read_csv(fcd, sep=";").rename(columns=lambda column: column.split("_", 1)[1])
+        rows = rows[rows["id"].notna()]
+        over[name] = rows["id"][core.intersects(outlines_in(rows, length=5.0, width=1.8))].nunique()
+    assert over["open"] > 50
+    assert over["closed"] == 0
+
+
+def _pieces(out: Path) -> Path:
+    path = out / "pieces.txt"
+    path.write_text("".join(f"edge:m3.wz{number}\n" for number in range(4)))
+    return path
+
+
+def test_zone_is_drawn_in_the_network_that_is_closed() -> None:
+    out, figures = placed_freeway()
+    root = ET.parse(out / "closed" / "wzsumo.zone.add.xml").getroot()  # noqa: S314
+    devices = [poly for poly in root.iter("poly") if poly.get("id", "").startswith("device_")]
+    assert len(devices) == figures["n_devices"] == 26
+    assert {poi.get("type") for poi in root.iter("poi")} >= {"W4-2L", "W20-5L", "W20-1", "G20-2"}
+
+
+def test_zone_in_a_city_of_signals_loads_and_runs() -> None:
+    folder = new_folder()
+    (folder / "zone.toml").write_text("[work_zone]\nclosed_lanes = [0]\nwork_length_ft = 50\nposted_speed_mph = 25\n")
+    (folder / "trips.xml").write_text(
+        '<routes><flow id="a" from="A0B0" to="B2C2" begin="0" end="200" number="20"/>'
+        '<flow id="b" from="A1B1" to="B1C1" begin="0" end="200" number="40"/></routes>'
+    )
+    out = folder / "out"
+    code, told, err = run_place(
+        city(), "--zone", folder / "zone.toml", "--at", "A1B1", 20, "--routes", folder / "trips.xml", "--out", out, "--json"
+    )
+    assert code == 0, err
+    assert json.loads(told)["warnings"] == [
+        "40 vehicles depart on edge 'A1B1', which is cut: they enter on its first piece, which is not quite the same"
+    ]
+    for name in ("original", "open", "closed"):
+        assert "Warning" not in simulate(out / name, "--end", "600")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--at", "m3", "300", "--routes", "no.xml"], "the demand no.xml: cannot be read"),
+        (["--at", "m3", "far"], "the position is not a number"),
+        (["--at", "m9", "3"], "the network has no such edge"),
+        (["--at-latlon", "36", "-86"], "has no geographic frame"),
+        (["--at", "m3", "300", "--sumocfg", "no.sumocfg"], "the configuration no.sumocfg: cannot be read"),
+    ],
+)
+def test_bad_input_is_told_in_one_line_and_nothing_is_written(words: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(LEFT_LANE)
+    code, out, err = run_place(freeway(), "--zone", tmp_path / "zone.toml", *words, "--out", tmp_path / "out")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert message in err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,97 @@
+"""What becomes of elements that name whole edges: traffic zones, rerouters, signs, output by edge."""
+
+from collections.abc import Callable
+
+from wzsumo.errors import PlacementError
+from wzsumo.placement.demand_files.rewriting import RewrittenFile, Rule, split_lane
+from wzsumo.placement.xml_file import Element
+
+
+def list_pieces(file: RewrittenFile, element: Element, key: str) -> None:
+    """A list of edges lists all pieces."""
+    _rewrite_list(file, element, key, file.pieces)
+
+
+def rewrite_output(file: RewrittenFile, element: Element, _: Element | None) -> None:
+    """Output by edge or lane tells of all pieces, which are then to be added up."""
+    list_pieces(file, element, "edges")
+
+
+def rewrite_speed_sign(file: RewrittenFile, element: Element, _: Element | None) -> None:
+    """A variable speed sign holds on all pieces."""
+
+    def lanes(lane: str) -> tuple[str, ...]:
+        cut, index = file.cut_lane(lane)
+        return tuple(f"{piece}_{index}" for piece in cut.ids) if cut else (lane,)
+
+    _rewrite_list(file, element, "lanes", lanes)
+
+
+def rewrite_rerouter(file: RewrittenFile, element: Element, _: Element | None) -> None:
+    """A rerouter acts where the edge begins."""
+    _rewrite_list(file, element, "edges", lambda edge: (file.first_piece(edge),))
+
+
+def rewrite_zone(file: RewrittenFile, element: Element, _: Element | None) -> None:
+    """A cut edge of a traffic zone stays one source and one sink: as a list of pieces it would count once for each."""
+    ids = element.get("edges").split()
+    cut = [id_ for id_ in ids if id_ in file.cuts]
+    if cut:
+        kept = " ".join(id_ for id_ in ids if id_ not in file.cuts)
+        file.set(element, {"edges": kept or None}, "lists source and sink of a cut edge by themselves")
+        rows = [f'<tazSource id="{file.cuts[id_].ids[0]}" weight="1"/>' for id_ in cut]
+        rows += [f'<tazSink id="{file.cuts[id_].ids[-1]}" weight="1"/>' for id_ in cut]
+        file.append_children(element, rows, "source and sink")
+
+
+def repeat_for_pieces(file: RewrittenFile, element: Element, _: Element | None) -> None:
+    """A closing of an edge or a lane is repeated for each piece."""
+    edge, index = split_lane(element.get("id")) if element.tag == "closingLaneReroute" else (element.get("id"), "")
+    if edge in file.cuts:
+        ids = [f"{piece}_{index}" if index else piece for piece in file.cuts[edge].ids]
+        file.repeat(element, "id", ids, f"repeated for {', '.join(ids)}")
+
+
+def refuse_calibrator(file: RewrittenFile, element: Element, _: Element | None) -> None:
+    """Raise PlacementError for a calibrator on a cut edge."""
+    edge = element.get("edge") or split_lane(element.get("lane"))[0]
+    if edge in file.cuts:
+        raise PlacementError(
+            f"{file.file.path}: calibrator {element.get('id')!r} acts on edge {edge!r} as a whole, which the zone cuts; move "
+            "the zone to another edge, or the calibrator"
+        )
+
+
+def _renamed(key: str, *, last: bool) -> Rule:
+    """A rule: the edge under `key` is its first, or its last piece."""
+
+    def rule(file: RewrittenFile, element: Element, _: Element | None) -> None:
+        if element.get(key) in file.cuts:
+            file.set(element, {key: file.cuts[element.get(key)].ids[-1 if last else 0]}, "renamed")
+
+    return rule
+
+
+def _rewrite_list(file: RewrittenFile, element: Element, key: str, pieces: Callable[[str], tuple[str, ...]]) -> None:
+    given = element.get(key)
+    separator = "," if "," in given else " "
+    ids = given.replace(",", " ").split()
+    now = [piece for id_ in ids for piece in pieces(id_)]
+    if now != ids:
+        file.set(element, {key: separator.join(now)}, "lists the pieces")
+
+
+EDGE_RULES: dict[str, Rule] = {
+    "edgeData": rewrite_output,
+    "laneData": rewrite_output,
+    "variableSpeedSign": rewrite_speed_sign,
+    "taz": rewrite_zone,
+    "tazSource": _renamed("id", last=False),
+    "tazSink": _renamed("id", last=True),
+    "rerouter": rewrite_rerouter,
+    "routeProbe": _renamed("edge", last=False),
+    "viaProbReroute": _renamed("id", last=False),
+    "destProbReroute": _renamed("id", last=True),
+    **dict.fromkeys(("closingReroute", "closingLaneReroute", "vaporizer"), repeat_for_pieces),
+    "calibrator": refuse_calibrator,
+}

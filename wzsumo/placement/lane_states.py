@@ -1,0 +1,169 @@
+"""What the zone makes of each SUMO lane of the corridor: closed, bent, narrowed, or left as it is."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from wzsumo.placement.chain import Link
+from wzsumo.placement.cuts import CutEdge, text_of_shape
+from wzsumo.placement.lane_plan import MOVED_M, Course, LanePlan, middle_of, width_of
+from wzsumo.placement.net import NetLane, allows, decimals_of, parse_heights
+
+UNUSED_CLASS = "custom1"  # SUMO's class for uses of one's own: a lane that allows it alone bars all traffic
+# Wider than a closing lane at its end, 8 ft: they merge ahead of the taper (SUMO docs, Vehicle Type Parameter Defaults).
+WIDE_CLASSES = ("bus", "coach", "truck", "trailer")
+NO_CHANGE_AHEAD_M = 100.0  # of the place where two lanes part: a lane change takes some 4 s, 100 m at 25 m/s
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Piece:
+    """A piece of an edge of the corridor, or a whole edge, and what its lanes become: new attributes by lane index."""
+
+    link: Link
+    number: int
+    id: str
+    lanes: dict[int, dict[str, str | None]] = field(default_factory=dict)
+    barred: frozenset[int] = frozenset()  # lane indices
+    courses: dict[int, Course] = field(default_factory=dict)  # by lane index
+    middle: float = 0.0  # station [m]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClosedLanes:
+    """All lanes of the corridor as the zone leaves them."""
+
+    plan: LanePlan
+
+    @cached_property
+    def pieces(self) -> list[Piece]:
+        """The pieces in the order in which they are driven, from the edge where the zone begins."""
+        cuts = {cut.edge.id: cut for cut in self.plan.cuts}
+        pieces = []
+        for link in self.plan.corridor.links:
+            cut = cuts.get(link.edge.id) or CutEdge(edge=link.edge, positions=())
+            ids = cut.ids if cut.positions else (link.edge.id,)
+            pieces += [self._piece(cut, link, number, id_) for number, id_ in enumerate(ids)]
+        return pieces
+
+    @cached_property
+    def via_lanes(self) -> dict[str, dict[str, str | None]]:
+        """New attributes of the internal lanes that the zone moves, by their ids."""
+        return {lane.id: changes for _, _, lane, changes in self._via_lanes() if changes}
+
+    @cached_property
+    def barred_via_lanes(self) -> frozenset[str]:
+        """Internal lanes that lead nowhere but to a closed lane."""
+        corridor = self.plan.corridor
+        found = set()
+        for link in corridor.links:
+            for place, slot in enumerate(corridor.slots):
+                if slot in link.onward:
+                    for lane in corridor.net.via_lanes(link.onward[slot]):
+                        middle = corridor.station_of(lane, lane.length / 2)
+                        if self._touches(middle, middle) and self.plan.course_at(place, middle) is None:
+                            found.add(lane.id)
+        return frozenset(found)
+
+    def leads_to(self, piece: Piece, following: Piece) -> dict[int, int]:
+        """Lane index on the next piece of the same edge by lane index: which lanes go on at a cut, and where."""
+        slots, links = self.plan.corridor.slots, {}
+        place_of = {piece.link.lanes[slot]: place for place, slot in enumerate(slots) if slot in piece.link.lanes}
+        for lane in piece.link.edge.lanes:
+            place = place_of.get(lane.index)
+            if place is None or not (piece.lanes or following.lanes or piece.barred or following.barred):
+                links[lane.index] = lane.index
+                continue
+            course = piece.courses.get(lane.index)
+            goes_to = course.place_at(following.middle) if course else None
+            if goes_to is not None and slots[goes_to] in piece.link.lanes:
+                links[lane.index] = piece.link.lanes[slots[goes_to]]
+        return links
+
+    def _touches(self, start: float, end: float) -> bool:
+        first, last = self.plan.span
+        return start < last - MOVED_M and end > first + MOVED_M
+
+    def _stations(self, cut: CutEdge, lane: NetLane, number: int) -> tuple[float, float]:
+        """Stations [m] where a lane of a piece begins and ends."""
+        first, last = (share * lane.length / cut.edge.length for share in cut.bounds[number : number + 2])
+        return self.plan.corridor.station_of(lane, first), self.plan.corridor.station_of(lane, last)
+
+    def _piece(self, cut: CutEdge, link: Link, number: int, id_: str) -> Piece:
+        start, end = self._stations(cut, link.lane(max(link.lanes)), number)
+        middle = (start + end) / 2
+        lanes: dict[int, dict[str, str | None]] = {}
+        barred, courses = set(), {}
+        for place, slot in enumerate(self.plan.corridor.slots):
+            if slot not in link.lanes:
+                continue
+            lane = link.lane(slot)
+            course = self.plan.course_at(place, middle) if self._touches(start, end) else None
+            if course is not None:
+                courses[lane.index] = course
+                if changes := self._bent(course, place, lane, *self._stations(cut, lane, number)):
+                    lanes[lane.index] = changes
+            elif self._touches(start, end):
+                barred.add(lane.index)
+                lanes[lane.index] = {"allow": UNUSED_CLASS, "disallow": None}
+            else:
+                courses[lane.index] = self._unchanged(place, middle)
+        for index, changes in self._barred_changes(courses, start, end).items():
+            lanes[index] = lanes.get(index, {}) | changes
+        return Piece(link=link, number=number, id=id_, lanes=lanes, barred=frozenset(barred), courses=courses, middle=middle)
+
+    def _unchanged(self, place: int, station: float) -> Course:
+        return next(c for c in self.plan.courses if c.place_at(station) == place)  # outside the zone every lane is open
+
+    def _bent(self, course: Course, place: int, lane: NetLane, start: float, end: float) -> dict[str, str | None]:
+        """New shape and width of a lane where the zone moves or narrows it, and the classes that it is then too narrow for."""
+        road, shape = self.plan.corridor.road, lane.element.get("shape")
+        stations = np.unique(np.concatenate([road.stations, course.lane.left.stations, course.lane.right.stations]))
+        stations = np.concatenate([[start], stations[(stations > start + 0.1) & (stations < end - 0.1)], [end]])
+        middle, width = middle_of(course.lane, stations), float(width_of(course.lane, stations).min())
+        narrower = width < road.lane_widths[place] - MOVED_M
+        if np.abs(middle - road.lane_centre(place)).max() <= MOVED_M and not narrower:
+            return {}
+        points = road.to_xy(stations, middle)
+        if (heights := parse_heights(shape)) is not None:
+            share = (stations - start) / max(end - start, 1e-9)
+            points = np.column_stack([points, np.interp(share, np.linspace(0, 1, len(heights)), heights)])
+        changes: dict[str, str | None] = {"shape": text_of_shape(points, decimals=decimals_of(shape))}
+        if narrower:
+            changes["width"] = f"{width:.2f}"
+        if np.isfinite(course.end):
+            changes |= without_wide_classes(lane.element.attributes)
+        return changes
+
+    def _via_lanes(self) -> Iterator[tuple[int, Link, NetLane, dict[str, str | None]]]:
+        corridor = self.plan.corridor
+        for link in corridor.links:
+            for place, slot in enumerate(corridor.slots):
+                for lane in corridor.net.via_lanes(link.onward[slot]) if slot in link.onward else []:
+                    start, end = corridor.station_of(lane, 0.0), corridor.station_of(lane, lane.length)
+                    course = self.plan.course_at(place, (start + end) / 2) if self._touches(start, end) else None
+                    yield place, link, lane, self._bent(course, place, lane, start, end) if course and end > start else {}
+
+    def _barred_changes(self, courses: dict[int, Course], start: float, end: float) -> dict[int, dict[str, str | None]]:
+        """Bars lane changes between neighbours that closed ground parts here or soon."""
+        changes: dict[int, dict[str, str | None]] = {}
+        stations = np.array([start, end, end + NO_CHANGE_AHEAD_M])
+        for index, course in courses.items():
+            beside = courses.get(index + 1)
+            if beside is None or not self._touches(start, end):
+                continue
+            there = stations[(stations < course.end) & (stations < beside.end)]
+            if len(there) and float((beside.lane.right(there) - course.lane.left(there)).max()) > MOVED_M:
+                changes.setdefault(index, {})["changeLeft"] = UNUSED_CLASS
+                changes.setdefault(index + 1, {})["changeRight"] = UNUSED_CLASS
+        return changes
+
+
+def without_wide_classes(attributes: dict[str, str]) -> dict[str, str | None]:
+    """The permissions of a lane without the classes that are wider than it."""
+    if (allowed := attributes.get("allow")) and allowed != "all":
+        left = [name for name in allowed.split() if name not in WIDE_CLASSES]
+        return {"allow": " ".join(left) or UNUSED_CLASS}
+    barred = [*attributes.get("disallow", "").split(), *(name for name in WIDE_CLASSES if allows(attributes, name))]
+    return {"allow": None, "disallow": " ".join(barred)}
