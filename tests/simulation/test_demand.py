@@ -104,6 +104,11 @@ def test_drivers_begin_to_merge_within_the_given_distances(tmp_path: Path) -> No
     assert 350 < max(ahead) < 401
 
 
+def test_every_driver_knows_the_whole_road_ahead(tmp_path: Path) -> None:
+    # SUMO's own look ahead ends after 8 edges or 3 km; no road of ours is longer than 20 km.
+    assert {float(t["lcStrategicLookahead"]) for t in elements(demand(tmp_path), "vType")} == {20000.0}
+
+
 def test_drivers_of_a_table_set_the_vehicle_types(tmp_path: Path) -> None:
     table = {"tau_s": 1.7, "accel_mps2": 1.1, "truck_tau_s": 3.1, "truck_accel_mps2": 0.6, "sigma": 0.3, "lc_assertive": 1.2}
     types = elements(demand(tmp_path, drivers=table), "vType")

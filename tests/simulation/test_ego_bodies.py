@@ -16,7 +16,8 @@ NO_TRAFFIC = Traffic(
     ids=(), poses=np.empty((0, 3)), speeds=np.empty(0), accelerations=np.empty(0), lengths=np.empty(0), widths=np.empty(0)
 )
 LANE = 12 * 0.3048
-WITHIN = 0.4  # from a lane's lines to the body in it
+WITHIN = 0.15  # from a lane's lines to the body in it
+MARGIN = 0.1  # from the outer lines of a road's lanes to those of SUMO's
 
 
 def bodies(y: float, *, heading: float = 0.0, traffic: Traffic = NO_TRAFFIC, x: float = 100.0) -> tuple[LaneBody, ...]:
@@ -60,22 +61,23 @@ def test_ego_whose_clearance_alone_reaches_over_the_line_has_a_body_there_too() 
 def test_ego_more_than_half_a_metre_in_a_lane_that_leaves_room_to_pass_takes_all_of_it(y: float, lane: int) -> None:
     body = bodies(y)[1]
     assert body.lane == lane
-    assert body.width == pytest.approx(LANE - 2 * WITHIN)
-    assert body.front[1] == pytest.approx((lane + 0.5) * LANE)
+    assert body.width == pytest.approx(LANE - MARGIN - 2 * WITHIN)
+    assert body.front[1] == pytest.approx((lane + 0.5) * LANE + (1 - lane) * MARGIN / 2)
 
 
 @pytest.mark.parametrize("beside_line_m", [0.0, 1e-9, -0.04])
 def test_ego_on_the_line_takes_both_lanes(beside_line_m: float) -> None:
     found = bodies(LANE + beside_line_m)
     assert sorted(lanes_of(found)) == [0, 1]
-    assert [body.width for body in found] == pytest.approx([LANE - 2 * WITHIN] * 2)
+    widths = {body.lane: body.width for body in found}
+    assert widths == pytest.approx({0: LANE - MARGIN - 2 * WITHIN, 1: LANE - 2 * WITHIN})
 
 
 def test_ego_on_the_shoulder_has_its_body_at_the_edge_of_the_lane_next_to_it() -> None:
     (body,) = bodies(-1.6)
     assert body.lane == 0
     assert body.width == pytest.approx(0.1)
-    assert body.front[1] == pytest.approx(WITHIN + 0.05)
+    assert body.front[1] == pytest.approx(MARGIN + WITHIN + 0.05)
 
 
 @pytest.mark.parametrize("y", np.linspace(-1.5, 3 * LANE + 1.5, 41))
@@ -88,10 +90,11 @@ def test_every_body_lies_within_its_lane_and_the_first_in_the_one_nearest_to_the
     for body in found:
         edge = next(edge for edge in EDGES if edge.id == body.edge)
         lane = edge.lanes[body.lane_on_edge]
-        assert lane.index == body.lane
-        right, left = float(lane.right(body.front[0])), float(lane.left(body.front[0]))
+        assert lane.of is not None
+        assert lane.of.index == body.lane
+        right, left = lane.lines(body.front[0])
         assert right + WITHIN - 0.01 < body.front[1] - body.width / 2 < body.front[1] + body.width / 2 < left - WITHIN + 0.01
-    middle = {lane.index: float(lane.right(body.front[0]) + lane.left(body.front[0])) / 2 for lane in edge.through_lanes}
+    middle = {lane.of.index: float(lane.middle(found[0].front[0])) for lane in edge.lanes if lane.of}
     front_y = y + CAR.axle_to_bumper_m * np.sin(turned)
     assert found[0].lane == min(middle, key=lambda lane: abs(middle[lane] - front_y))
 
@@ -131,14 +134,16 @@ def test_ego_that_reaches_less_than_2_cm_into_another_lane_with_its_clearance_ha
     assert lanes_of(bodies(LANE + CAR.width_m / 2 + 0.3 - reach_m)) == lanes
 
 
-@pytest.mark.parametrize(("over_m", "width_m"), [(0.49, 0.49 + 0.3 - 0.4), (0.51, LANE - 0.8)])
+@pytest.mark.parametrize(("over_m", "width_m"), [(0.49, 0.49 + 0.3 - WITHIN), (0.51, LANE - MARGIN - 2 * WITHIN)])
 def test_ego_takes_all_of_a_lane_once_it_reaches_more_than_half_a_metre_into_it(over_m: float, width_m: float) -> None:
     _, body = bodies(LANE + CAR.width_m / 2 - over_m)
     assert body.width == pytest.approx(width_m)
 
 
 @pytest.mark.parametrize(
-    ("free_m", "width_m"), [(1.49, LANE - 1.49 - 0.4), (1.51, LANE - 0.8)], ids=["too narrow to pass", "wide enough to pass"]
+    ("free_m", "width_m"),
+    [(1.49, LANE - 1.49 - WITHIN), (1.51, LANE - 2 * WITHIN)],
+    ids=["too narrow to pass", "wide enough to pass"],
 )
 def test_ego_takes_all_of_its_lane_where_it_leaves_more_than_one_and_a_half_metres_free(free_m: float, width_m: float) -> None:
     # Its clearance of 0.3 m on the right ends that far from the lane's right line.

@@ -64,7 +64,7 @@ def sumo_bumper(session: Session) -> FloatArray:
     return np.array(session._sumo.vehicle.getPosition(EGO_ID))
 
 
-@pytest.mark.parametrize(("y", "body_y"), [(1.5 * LANE, 1.5 * LANE), (1.5 * LANE + 0.15, 1.5 * LANE + 0.15), (-1.6, 0.45)])
+@pytest.mark.parametrize(("y", "body_y"), [(1.5 * LANE, 1.5 * LANE), (1.5 * LANE + 0.15, 1.5 * LANE + 0.15), (-1.6, 0.3)])
 def test_body_is_exactly_where_it_was_put_and_not_snapped_to_the_middle_of_its_lane(
     files: SumoFiles, y: float, body_y: float
 ) -> None:
@@ -79,16 +79,19 @@ def test_speed_that_sumo_sees_has_no_spikes(files: SumoFiles) -> None:
             assert session._sumo.vehicle.getSpeed(EGO_ID) == pytest.approx(10.0, abs=1e-6)
 
 
-def test_ego_crosses_every_junction_of_the_zone(files: SumoFiles) -> None:
+def test_ego_crosses_every_junction_of_the_zone(tmp_path: Path) -> None:
+    # The paper's zone on the same road: its lanes 0 and 1 keep their places up to the shift, 646 m along the road.
+    spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
+    closing = write_sumo_files(paper_layout(), tmp_path, spec=spec, seed=3)
     roads: list[str] = []
-    with running(files.config, options=FINE) as session:
-        for _ in drive(session, files, y=0.5 * LANE, x=1000.0, speed=25.0, duration_s=15.0):
+    with running(closing.config, options=FINE) as session:
+        for _ in drive(session, closing, y=0.5 * LANE, x=250.0, speed=25.0, duration_s=12.0):
             road = session._sumo.vehicle.getRoadID(EGO_ID)
             assert sumo_bumper(session)[1] == pytest.approx(0.5 * LANE, abs=1e-3)
-            if not road.startswith(":") and road not in roads:
+            if road not in roads:
                 roads.append(road)
-    reached = [edge.id for edge in files.edges if edge.end > 1010 and edge.start < 1370]
-    assert len(reached) == 3
+    reached = [edge.id for edge in closing.edges if edge.end > 260 and edge.start < 550]
+    assert len(reached) == 4
     assert roads == reached
 
 
@@ -105,23 +108,23 @@ def test_ego_on_the_outer_side_of_a_kink_between_two_edges_is_counted_to_the_lan
             session.step()
         session.take_over_ego()
         kinks = list(outer_sides_of_kinks(session._sumo.lane, bent.edges, aside_m=0.7))
-        assert len(kinks) >= 8
-        for (before, across, after), front in kinks:
+        assert len(kinks) >= 3
+        for (before, after), front in kinks:
             for behind_m in (0.5, 0.0):
                 edge, index = before.rsplit("_", maxsplit=1)
                 body = LaneBody(lane=0, edge=edge, lane_on_edge=int(index), front=advance(front, -behind_m), width=1.0)
                 session.place_ego((body,), speed=10.0)
                 session.step()
-            assert session._sumo.vehicle.getLaneID(EGO_ID) in (before, across, after)
+            assert session._sumo.vehicle.getLaneID(EGO_ID) in (before, after)
 
 
 def outer_sides_of_kinks(
     lane_api: Any, edges: tuple[Edge, ...], *, aside_m: float
-) -> Iterator[tuple[tuple[str, str, str], FloatArray]]:
+) -> Iterator[tuple[tuple[str, str], FloatArray]]:
     """The lanes that meet at each kink between two edges, and a pose in the wedge on its outer side that no lane runs past."""
     for edge in edges[:-1]:
         for lane in [f"{edge.id}_{index}" for index in range(len(edge.lanes))]:
-            for following, *_, across_the_node, _, _, _ in lane_api.getLinks(lane):
+            for following, *_ in lane_api.getLinks(lane):
                 ends = np.array(lane_api.getShape(lane)[-2:])
                 goes_on = np.array(lane_api.getShape(following)[:2])
                 before, after = (np.arctan2(*np.diff(line, axis=0)[0, ::-1]) for line in (ends, goes_on))
@@ -129,7 +132,7 @@ def outer_sides_of_kinks(
                     heading = (before + after) / 2
                     outwards = heading - np.sign(after - before) * np.pi / 2
                     aside = aside_m * np.array([np.cos(outwards), np.sin(outwards)])
-                    yield (lane, across_the_node, following), np.array([*(ends[-1] + aside), heading])
+                    yield (lane, following), np.array([*(ends[-1] + aside), heading])
 
 
 def passers_through(files: SumoFiles, *, in_all_lanes: bool) -> tuple[int, int]:
@@ -164,7 +167,7 @@ def test_drivers_pass_through_a_straddling_ego_unless_it_has_a_body_in_both_lane
 
 
 def vehicles_that_touch_an_ego_askew(files: SumoFiles, *, as_wide_as_it_lies: bool) -> set[str]:
-    """Ids of the vehicles whose outline overlaps an ego that stands 0.7 m off the middle of its lane, turned by 7 degrees."""
+    """Ids of the vehicles whose outline overlaps an ego that stands 0.7 m off the middle of its lane, turned by 11 degrees."""
     x, speed = 250.0, 10.0
     touching: set[str] = set()
     with running(files.config, options=FINE) as session:
@@ -178,7 +181,7 @@ def vehicles_that_touch_an_ego_askew(files: SumoFiles, *, as_wide_as_it_lies: bo
         while session.time < 85:
             speed = max(speed - 0.1, 0.0)
             x += 0.05 * speed
-            state = EgoState(x=x, y=1.5 * LANE + 0.7, heading=0.12, speed=speed)
+            state = EgoState(x=x, y=1.5 * LANE + 0.7, heading=0.2, speed=speed)
             own, *others = bodies_in_lanes(state, CAR, traffic, road=LAYOUT.road, edges=files.edges)
             if not as_wide_as_it_lies:
                 front = advance(state.pose, CAR.axle_to_bumper_m)
@@ -242,18 +245,17 @@ def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path: Pa
     spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
     closing = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
     edge = next(edge for edge in closing.edges if len(edge.through_lanes) < len(edge.lanes))
-    open_lane = edge.through_lanes[-1]
+    index = 1
     station = (edge.start + edge.end) / 2
-    line = float(open_lane.left(station))
+    _, line = edge.lanes[index].lines(station)
     with running(closing.config, options=FINE) as session:
         session.request_ego(CAR, edge=closing.edges[0].id, lane=0, position=20.0, speed=10.0)
         while not session.has_ego():
             session.step()
         session.take_over_ego()
         front = np.array([station, line - 0.45, 0.0])
-        index = edge.lanes.index(open_lane)
         for _ in range(2):
-            body = LaneBody(lane=open_lane.index, edge=edge.id, lane_on_edge=index, front=front, width=0.1)
+            body = LaneBody(lane=1, edge=edge.id, lane_on_edge=index, front=front, width=0.1)
             session.place_ego((body,), speed=0.0)
             session.step()
         assert session._sumo.vehicle.getLaneID(EGO_ID) == f"{edge.id}_{index}"
@@ -264,9 +266,7 @@ def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reache
     layout = lay_out(paper_work_zone(), bent_road(984.3))
     spec = SimulationSpec(demand=DemandSpec(flow_vph=3000, duration_s=120))
     bent = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
-    start, end = (
-        next(edge for edge in bent.edges if edge.id.endswith(name)).start for name in ("merging_taper", "activity_area")
-    )
+    start, end = (layout.area(name).start for name in ("merging taper", "activity area"))
     speed = 20.0
     lanes: set[str] = set()
     with running(bent.config, options=FINE) as session:
@@ -292,5 +292,5 @@ def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reache
                 assert abs(aside) + width / 2 <= lane_width / 2 + 1e-6
                 known.add(name)
                 lanes.add(lane)
-    assert len(lanes) > 10
+    assert len(lanes) > 8
     assert len(known) >= 2

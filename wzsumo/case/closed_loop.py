@@ -17,8 +17,8 @@ from wzsumo.frames import advance
 from wzsumo.metrics.contact import ContactChecker
 from wzsumo.metrics.drive import on_clock
 from wzsumo.path import ReferencePath
-from wzsumo.road import Profile
 from wzsumo.scenario.sections import ControlSection
+from wzsumo.simulation.edges import edge_at
 from wzsumo.simulation.ego_bodies import bodies_in_lanes
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.session import Session, running
@@ -135,8 +135,8 @@ def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, fil
     x, y, heading = path.poses[0]
     bumper = advance(path.poses[0], drive.vehicle.axle_to_bumper_m)
     (station,), (offset,) = layout.road.to_sd(bumper[:2])
-    edge = next(edge for edge in files.edges if edge.start <= station < edge.end)
-    lane = min(range(len(edge.lanes)), key=lambda i: abs(_middle(edge.lanes[i].right, edge.lanes[i].left, station) - offset))
+    edge = edge_at(files.edges, station)
+    lane = edge.lane_at(station, offset)
     speed = drive.control.target_speed_mps
     session.request_ego(drive.vehicle, edge=edge.id, lane=lane, position=station - edge.start, speed=speed)
     requested = session.time
@@ -146,10 +146,6 @@ def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, fil
         session.step()
     session.take_over_ego()
     return EgoState(x=float(x), y=float(y), heading=float(heading), speed=speed)
-
-
-def _middle(right: Profile, left: Profile, station: float) -> float:
-    return float(right(station) + left(station)) / 2
 
 
 def _not_ahead(state: EgoState, traffic: Traffic) -> tuple[str, ...]:

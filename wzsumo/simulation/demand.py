@@ -78,6 +78,8 @@ CAR_DECEL_MPS2, TRUCK_DECEL_MPS2 = 4.5, 4.0
 # stay there while it is faster, whatever lies ahead. With these they do not prefer to straddle a line, and return from it at
 # ten times the loss of speed that they would accept by default. Elsewhere drivers keep the defaults, as they were fitted.
 LANE_KEEPING = {"lcLaneDiscipline": "1", "lcSublane": "10"}
+# Left to itself SUMO looks for the end of a lane over at most 8 edges, or 4 edges and 3 km: every driver knows the whole road.
+LOOK_AHEAD_M = 20000.0
 LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right (LC2013, SL2015)
 DRIVERS_PER_CLASS = 60  # vTypes of cars, and of trucks, each with its place in the lane and merging distance; chosen by us
 
@@ -92,7 +94,10 @@ def write_demand(
     if spec.drivers == BY_THE_HCM:
         raise SpecError(f'drivers="{BY_THE_HCM.name}" is decided by the zone: write the demand of Scenario.zone_simulation()')
     rng = np.random.default_rng([seed, 1])
-    root, lane_keeping = ET.Element("routes"), LANE_KEEPING if any(edge.gores for edge in edges) else {}
+    root, lane_keeping = (
+        ET.Element("routes"),
+        LANE_KEEPING if any(lane.allows == "none" for edge in edges for lane in edge.lanes) else {},
+    )
     for kind, size in (("car", CAR), ("truck", TRUCK)):
         for number in range(DRIVERS_PER_CLASS):
             driver = _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, rng=rng)
@@ -164,6 +169,7 @@ def _driver(
     truck, drivers = kind == "truck", spec.drivers
     decel = TRUCK_DECEL_MPS2 if truck else CAR_DECEL_MPS2
     return driver | {
+        "lcStrategicLookahead": f"{LOOK_AHEAD_M:g}",
         "tau": f"{drivers.truck_tau_s if truck else drivers.tau_s:g}",
         "accel": f"{drivers.truck_accel_mps2 if truck else drivers.accel_mps2:g}",
         "decel": f"{decel:g}",

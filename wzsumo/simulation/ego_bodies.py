@@ -5,7 +5,7 @@ import numpy as np
 from wzsumo.ego import EgoState
 from wzsumo.frames import BoolArray, FloatArray, advance
 from wzsumo.road import Road
-from wzsumo.simulation.edges import Edge
+from wzsumo.simulation.edges import Edge, edge_at
 from wzsumo.simulation.session import SIDE_CLEARANCE_M, LaneBody
 from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
@@ -14,9 +14,7 @@ MIN_REACH_M = 0.02  # an ego that reaches less far into another lane has no body
 # An ego that reaches farther into a lane than BLOCKING_REACH_M, and leaves more than PASSABLE_M of it free, takes all of it:
 # SUMO's drivers would squeeze past and be shut in. Where less is free no vehicle fits in. Set on our simulated traffic.
 BLOCKING_REACH_M, PASSABLE_M = 0.5, 1.5
-# From a lane's line to the body in it. In SUMO a lane ends 0.1 m before its line, 0.06 m more on bends of 300 m and 0.2 m more
-# where it turns by 1:10 (see `network`), and the lane of the next edge may be narrower by 0.1 m on each side (see `edges`).
-BODY_TO_LINE_M = 0.4
+BODY_TO_LINE_M = 0.15  # from the line of a lane in SUMO to the body in it: after a node the line may lie 0.1 m nearer
 MIN_BODY_WIDTH_M = 0.1  # of a body whose part of the lane is narrower; chosen by us
 
 
@@ -37,23 +35,24 @@ def bodies_in_lanes(
     front = advance(state.pose, vehicle.axle_to_bumper_m)
     stations, offsets = road.to_sd(np.vstack([front[:2], vehicle.outline(state.pose)]))
     station, front_offset, ego_right, ego_left = stations[0], offsets[0], float(offsets[1:].min()), float(offsets[1:].max())
-    edge = next((edge for edge in edges if edge.start <= station < edge.end), edges[-1])
-    lines = [(float(lane.right(station)), float(lane.left(station))) for lane in edge.through_lanes]
-    nearest = int(np.argmin([abs((right + left) / 2 - front_offset) for right, left in lines]))
+    edge = edge_at(edges, station)
+    nearest = edge.lane_at(station, front_offset)
     offsets_beside = _offsets_beside(state, vehicle, traffic, road=road)
     bodies: list[LaneBody] = []
-    for lane, (right, left) in zip(edge.through_lanes, lines, strict=True):
-        is_nearest = lane is edge.through_lanes[nearest]
+    for index, lane in enumerate(edge.lanes):
+        if lane.of is None:
+            continue
+        right, left = lane.lines(station)
         reach = min(left, ego_left + SIDE_CLEARANCE_M) - max(right, ego_right - SIDE_CLEARANCE_M)
         vehicle_beside = ((offsets_beside > right) & (offsets_beside < left)).any()
-        if is_nearest or (reach >= MIN_REACH_M and not vehicle_beside):
+        if index == nearest or (reach >= MIN_REACH_M and not vehicle_beside):
             body_right, body_left = _taken_part(right, left, ego_right, ego_left)
             x, y = road.to_xy(station, (body_right + body_left) / 2)
             body = LaneBody(
-                lane=lane.index, edge=edge.id, lane_on_edge=edge.lanes.index(lane), front=np.array([x, y, state.heading]),
+                lane=lane.of.index, edge=edge.id, lane_on_edge=index, front=np.array([x, y, state.heading]),
                 width=body_left - body_right,
             )  # fmt: skip
-            bodies.insert(0 if is_nearest else len(bodies), body)
+            bodies.insert(0 if index == nearest else len(bodies), body)
     return tuple(bodies)
 
 

@@ -1,23 +1,8 @@
 """WorkZoneLayout -> SUMO's network, zone.net.xml.
 
-SUMO knows lanes of constant width that begin and end at nodes, and lets vehicles straddle the line between two lanes. Four
-things of a work zone do not fit into that; this is what the network has for each, and why.
-
-Tapers: a chain of short edges (see `edges`), on each of which a lane keeps one width. Every lane has an explicit shape along
-its true middle, because netconvert by itself lays the lanes of an edge side by side around the edge's middle.
-
-Remnants of closing lanes: past the station where a car no longer fits into a closing lane, its remnant goes on for some edges
-as a thin lane that no lane leads to. A vehicle that straddles the line to the open lane drives on along the remnant. Without
-it SUMO stops that vehicle at the node, where it can neither drive on nor change lanes while another vehicle is beside it, and
-the queue behind it never moves again (SUMO 1.28; in 2 or 3 of 59 runs of 25 to 80 minutes at capacity).
-
-Gores: closed ground between two open lanes is a thin lane that bars every vehicle class. A vehicle that straddles the line
-where the lanes part brakes and falls back into its own lane. Without a gore SUMO still takes the two lanes for neighbours, and
-the vehicle drives on with half its width in the closed area.
-
-Cut margins: both ends of a vehicle follow the lane, so the middle of a long vehicle cuts across the inner side of a bend, and
-of a kink where a lane turns between two edges. SUMO does not see that. Every lane is therefore narrower in SUMO than on the
-road by what the longest vehicle cuts, on either side.
+Every lane has an explicit shape along its middle (see `edges`), because netconvert by itself lays the lanes of an edge side by
+side around the edge's middle. Nodes have no lanes of their own: a vehicle passes from edge to edge where it is, and SUMO takes
+it back to its place in the next lane bit by bit where that lies aside.
 
 Where both directions take turns on one lane, a traffic light lets one of them in at a time (see `turns`).
 """
@@ -32,21 +17,17 @@ import numpy as np
 from wzsumo.errors import SimulationError
 from wzsumo.frames import FloatArray
 from wzsumo.simulation.connection import sumo_binary
-from wzsumo.simulation.edges import PASSABLE_WIDTH_M, SAME_PLACE_M, Edge, edges_of, gap_between, opposing_edges_of, width_at
+from wzsumo.simulation.edges import Edge, EdgeLane, edges_of, opposing_edges_of
+from wzsumo.simulation.stretches import SAME_PLACE_M
 from wzsumo.simulation.turns import SIGNAL_ID, turns_program
 from wzsumo.units import mps_from_mph
-from wzsumo.work_zone import OpenLane, WorkZoneLayout
+from wzsumo.work_zone import WorkZoneLayout
 
-THIN_LANE_WIDTH_M = 0.1  # of a remnant and of a gore; chosen by us: SUMO needs the lane to be there, not to be driven on
 UNUSED_VEHICLE_CLASS = "custom1"  # none of our vehicle types has it, so what allows it alone bars every vehicle
-NO_CHANGE_AHEAD_OF_GORE_M = 100.0  # a lane change takes some 4 s, 100 m at 25 m/s: begun before, it ends before the gore
-LONGEST_VEHICLE_M = 12.0  # the truck of `demand`
-LINE_MARGIN_M = 0.2  # by which every lane is narrower: in SUMO a vehicle may touch its lane's line
-CUT_WITHIN_LINE_MARGIN_M = 0.1  # half of that margin: what the longest vehicle cuts where a lane turns by 1:30
 _NETCONVERT_OPTIONS = (
     # The default junction radius of 4 m moves nodes and cuts lanes; normalising moves the whole net (SUMO 1.28).
-    "--no-turnarounds", "--offset.disable-normalization", "--precision", "4", "--default.junctions.radius", "0.1",
-    "--junctions.join", "false", "--xml-validation", "never",
+    "--no-turnarounds", "--offset.disable-normalization", "--precision", "4", "--default.junctions.radius", "0",
+    "--junctions.join", "false", "--no-internal-links", "--xml-validation", "never",
 )  # fmt: skip
 
 
@@ -103,73 +84,27 @@ def _edge_elements(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> ET.Elemen
             root, "edge", {"id": edge.id, "from": first, "to": last}, speed=speed, numLanes=str(len(edge.lanes)),
             spreadType="center", length=f"{edge.end - edge.start:.4f}",
         )  # fmt: skip
-        cut_on_bends = _cut_on_bends(layout, edge)
         for index, lane in enumerate(edge.lanes):
             shape = " ".join(f"{x:.4f},{y:.4f}" for x, y in _middle_line(layout, lane, edge))
-            width = _width_in_sumo(lane, edge, cut_on_bends=cut_on_bends)
-            attributes = {"index": str(index), "width": f"{width:.3f}", "shape": shape}
-            ET.SubElement(element, "lane", attributes | _permissions(index, edge))
+            attributes = {"index": str(index), "width": f"{lane.width:.3f}", "shape": shape}
+            ET.SubElement(element, "lane", attributes | _permissions(lane))
     return root
 
 
-def _permissions(index: int, edge: Edge) -> dict[str, str]:
-    """The attributes of a lane that say which vehicle classes may drive on it, and which may leave it for the lanes beside."""
-    lane, permissions = edge.lanes[index], {}
-    if lane in edge.gores:
-        permissions["allow"] = UNUSED_VEHICLE_CLASS
-    elif lane not in edge.through_lanes:
-        permissions["allow"] = "passenger"  # a remnant: SUMO lets no vehicle straddle the line to a lane that bars it
-    elif _is_closing(lane, edge):
-        permissions["disallow"] = "truck"  # wider than the lane's end: trucks merge before the taper
-    for change, other in (("changeLeft", index + 1), ("changeRight", index - 1)):
-        if 0 <= other < len(edge.lanes) and _bars_change(lane, edge.lanes[other], edge):
-            permissions[change] = UNUSED_VEHICLE_CLASS
-    return permissions
+def _permissions(lane: EdgeLane) -> dict[str, str]:
+    """The attributes of a lane that bar vehicles from it, or from changing to a lane beside."""
+    allowed = {"all": None, "cars": "passenger", "none": UNUSED_VEHICLE_CLASS}[lane.allows]
+    changes = {"changeLeft": lane.change_left, "changeRight": lane.change_right}
+    barred = {name: UNUSED_VEHICLE_CLASS for name, may_change in changes.items() if not may_change}
+    return barred | ({"allow": allowed} if allowed else {})
 
 
-def _bars_change(lane: OpenLane, beside: OpenLane, edge: Edge) -> bool:
-    """Whether no vehicle may change to the lane beside: a remnant or a gore, or a lane that a gore soon parts from this one."""
-    if edge.opposing or lane not in edge.through_lanes:
-        return False
-    right, left = (lane, beside) if edge.lanes.index(lane) < edge.lanes.index(beside) else (beside, lane)
-    gap = gap_between(right, left, at=(edge.start, edge.end, edge.end + NO_CHANGE_AHEAD_OF_GORE_M))
-    return beside not in edge.through_lanes or gap > SAME_PLACE_M
-
-
-def _is_closing(lane: OpenLane, edge: Edge) -> bool:
-    return width_at(lane, lane.end) < PASSABLE_WIDTH_M and width_at(lane, edge.end) < width_at(lane, edge.start) - 1e-6
-
-
-def _width_in_sumo(lane: OpenLane, edge: Edge, *, cut_on_bends: float) -> float:
-    """Width [m] that a lane has in SUMO: that of its narrower end, less the margins on either side."""
-    if lane not in edge.through_lanes:
-        return THIN_LANE_WIDTH_M
-    margin = LINE_MARGIN_M + 2 * (cut_on_bends + max(_cut_at_kinks(lane, edge) - CUT_WITHIN_LINE_MARGIN_M, 0.0))
-    return min(width_at(lane, edge.start), width_at(lane, edge.end)) - margin
-
-
-def _cut_on_bends(layout: WorkZoneLayout, edge: Edge) -> float:
-    """How far [m] the middle of the longest vehicle lies inside a bend that both its ends follow; 0 on a straight."""
-    half = LONGEST_VEHICLE_M / 2
-    s = np.linspace(max(edge.start, half), min(edge.end, layout.road.length - half), 9)
-    back, middle, front = (layout.road.to_xy(s + ahead, layout.road.travelled_width / 2) for ahead in (-half, 0.0, half))
-    return float(np.linalg.norm(middle - (back + front) / 2, axis=1).max())
-
-
-def _cut_at_kinks(lane: OpenLane, edge: Edge) -> float:
-    """How far [m] the middle of the longest vehicle lies beside the lane's middle that its ends follow, on a straight road."""
-    half = LONGEST_VEHICLE_M / 2
-    s = np.linspace(edge.start, edge.end, 9) + np.array([[-half], [0.0], [half]])
-    back, middle, front = (lane.left(s) + lane.right(s)) / 2
-    return float(np.abs(middle - (back + front) / 2).max())
-
-
-def _middle_line(layout: WorkZoneLayout, lane: OpenLane, edge: Edge) -> FloatArray:
+def _middle_line(layout: WorkZoneLayout, lane: EdgeLane, edge: Edge) -> FloatArray:
     """World points (n, 2) [m] along the middle of a lane, in the direction in which it is driven."""
-    stations = layout.road.stations
-    inside = stations[(stations > edge.start + 0.01) & (stations < edge.end - 0.01)]
+    stations = np.unique(np.concatenate([layout.road.stations, lane.middle.stations]))
+    inside = stations[(stations > edge.start + SAME_PLACE_M) & (stations < edge.end - SAME_PLACE_M)]
     s = np.concatenate([[edge.start], inside, [edge.end]])
-    line = layout.road.to_xy(s, (lane.left(s) + lane.right(s)) / 2)
+    line = layout.road.to_xy(s, lane.middle(s))
     return line[::-1] if edge.opposing else line
 
 
@@ -177,9 +112,10 @@ def _connections(layout: WorkZoneLayout, edges: tuple[Edge, ...]) -> list[ET.Ele
     """One connection from every lane to itself on the next edge; only those onto a shared lane obey its signal."""
     found = []
     for before, after in pairwise(edges):
+        going_on = [lane.of for lane in after.lanes]
         for index, lane in enumerate(before.lanes):
-            if lane in before.through_lanes and lane in after.through_lanes:
-                ends = {"from": before.id, "to": after.id, "fromLane": str(index), "toLane": str(after.lanes.index(lane))}
+            if lane.of is not None and lane.of in going_on:
+                ends = {"from": before.id, "to": after.id, "fromLane": str(index), "toLane": str(going_on.index(lane.of))}
                 if not _ends_at_stop_line(before, layout):
                     ends["uncontrolled"] = "true"
                 found.append(ET.Element("connection", ends))
