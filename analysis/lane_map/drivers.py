@@ -16,6 +16,8 @@ HABIT_M = 0.15  # standard deviation of a driver's mean offset from the lane's m
 CHANGE_M = (60.0, 110.0)  # length of a lane change
 LEAVES_AHEAD_M = 500.0  # of the taper, the earliest place at which a driver leaves a closing lane
 LATEST_IN_TAPER = 0.5  # share of the taper at which the latest driver would like to leave it
+RETURNING_SHARE = 0.5  # of the drivers go back to the lane that they came in
+RETURNS_AFTER_M = 300.0  # behind the opening, mean distance at which they begin to
 SPEED_SD, SPEED_LENGTH_M = 0.03, 300.0  # slow changes of a driver's speed
 
 
@@ -99,7 +101,14 @@ def _through(
         if closure.first <= now <= closure.last:
             goal = _open_lane_beside(layout, closure.first, closure.last, begin, random)
             lanes = _left(layout, lanes, s, goal, closure.at, wander, random)
+    if layout.closures and random.random() < RETURNING_SHARE:
+        lanes = _changed(lanes, s, _returns_at(layout, random), lane, random.uniform(*CHANGE_M))
     return layout.lane_middle(lanes, s) + wander
+
+
+def _returns_at(layout: Layout, random: np.random.Generator) -> float:
+    """Station [m] at which a driver goes back to the lane that he came in, behind the end of all closures."""
+    return max(closure.at[3] for closure in layout.closures) + float(random.exponential(RETURNS_AFTER_M))
 
 
 def _discretionary(traffic: Traffic, s: FloatArray, random: np.random.Generator) -> FloatArray:

@@ -175,6 +175,15 @@ def test_some_drivers_leave_the_closing_lane_as_late_as_in_its_taper_and_some_ea
     assert ((fixes["s"] > closed + 5) & (fixes["s"] < layout.closures[0].at[2]) & fixes["inside"]).sum() == 0
 
 
+def test_some_drivers_are_back_in_the_lane_that_was_closed_soon_after_it_opens() -> None:
+    case = KINDS["right"].case(n=150, seed=7, receivers="0")
+    layout = layout_of(case)
+    station, offset = case.before().road.to_sd(case.traces[["x_m", "y_m"]].to_numpy())
+    s, opened = station - 200, layout.closures[0].at[3]
+    share_before, share_after = ((offset < layout.width)[(s > at) & (s < at + 60)].mean() for at in (0.0, opened + 300))
+    assert 0.15 * share_before < share_after < 0.6 * share_before
+
+
 def test_first_of_more_vehicles_are_the_same_vehicles() -> None:
     few, many = (KINDS["right"].case(n=n, seed=8, receivers="mixed").traces for n in (4, 9))
     pd.testing.assert_frame_equal(few, many[many["vehicle_id"].isin(few["vehicle_id"].unique())])
