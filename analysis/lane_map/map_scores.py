@@ -6,6 +6,9 @@
 Counted on the map's own cells inside `scored`; ground of the truth that the map does not cover counts as missed.
 """
 
+import json
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -18,10 +21,11 @@ FREE = 0.196  # below it a cell is free: default free_thresh of ROS map_server
 BIN_EDGES = np.r_[0.01, np.linspace(0.0, 1.0, 21)[1:-1], 0.99]  # of p, for calibration; beyond both ends cells are sure
 
 
-def scores(grid: OccupancyGrid, drivable: BaseGeometry, scored: BaseGeometry, traces: pd.DataFrame) -> dict[str, float]:
+def scores(grid: OccupancyGrid, drivable: BaseGeometry, scored: BaseGeometry, traces: pd.DataFrame) -> dict[str, Any]:
     """Figures of a map: precision, recall, iou, shares of fixes on free and on occupied cells, calibration errors.
 
-    `ece` is the expected calibration error over all known cells in `scored`, `ece_unsure` over those with 0.01 < p < 0.99.
+    `ece` is the expected calibration error over all known cells in `scored`, `ece_unsure` over those with 0.01 < p < 0.99;
+    `reliability` is the text of what they are made of, each map's cells together as 1, to be summed over maps of a zone.
     """
     window = _window(grid, scored)
     inside = cells_inside(window, scored)
@@ -30,7 +34,8 @@ def scores(grid: OccupancyGrid, drivable: BaseGeometry, scored: BaseGeometry, tr
     hit, claimed = float((free & truly).sum() * cell), float(free.sum() * cell)
     there = float(drivable.intersection(scored).area)
     on_free, on_occupied = fix_shares(grid, traces)
-    ece, ece_unsure = calibration_errors(p, ~truly)
+    sums = reliability(p, ~truly)
+    ece, ece_unsure = calibration_errors(sums)
     return {
         "precision": hit / claimed if claimed else float("nan"),
         "recall": hit / there,
@@ -39,7 +44,8 @@ def scores(grid: OccupancyGrid, drivable: BaseGeometry, scored: BaseGeometry, tr
         "fixes_on_occupied": on_occupied,
         "ece": ece,
         "ece_unsure": ece_unsure,
-        "unsure_share": float(((p > 0.01) & (p < 0.99) & (p != UNKNOWN)).mean()),
+        "unsure_share": float(sums[0, 1:-1].sum() / len(p)),
+        "reliability": json.dumps((sums / max(sums[0].sum(), 1.0)).round(6).tolist()),
     }
 
 
@@ -51,12 +57,21 @@ def fix_shares(grid: OccupancyGrid, traces: pd.DataFrame) -> tuple[float, float]
     return float((p < FREE).sum() / len(traces)), float((p > UNKNOWN).sum() / len(traces))
 
 
-def calibration_errors(p: npt.NDArray[np.float32], occupied: BoolArray) -> tuple[float, float]:
-    """Expected calibration error (Guo et al. 2017) over known cells, and over those with 0.01 < p < 0.99; nan without any."""
+def reliability(p: npt.NDArray[np.float32], occupied: BoolArray) -> FloatArray:
+    """(number, sum of p, number of occupied ones) (3, bins) of the known cells by bin of p; the outer bins hold sure cells."""
     known = p != UNKNOWN
     bins = np.digitize(p[known], BIN_EDGES)
     weights: tuple[FloatArray | None, ...] = (None, p[known].astype(float), occupied[known].astype(float))
-    count, sum_p, sum_occupied = (np.bincount(bins, weights=w, minlength=len(BIN_EDGES) + 1) for w in weights)
+    return np.array([np.bincount(bins, weights=w, minlength=len(BIN_EDGES) + 1) for w in weights])
+
+
+def calibration_errors(sums: FloatArray) -> tuple[float, float]:
+    """Expected calibration error (Guo et al. 2017) over all known cells and over unsure ones, 0.01 < p < 0.99; nan without any.
+
+    `sums` (3, bins) are those of a map, or of several maps of one zone together: an edge that is off by as much as it is said
+    to be off is a gap in one map, and none over many.
+    """
+    count, sum_p, sum_occupied = sums
     gap = np.abs(sum_p - sum_occupied)
     unsure = slice(1, -1)
     return _ratio(gap.sum(), count.sum()), _ratio(gap[unsure].sum(), count[unsure].sum())

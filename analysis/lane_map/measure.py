@@ -12,6 +12,7 @@ seeds. One process.
 
 import argparse
 import itertools
+import json
 import sys
 import time
 import traceback
@@ -23,7 +24,7 @@ import numpy as np
 import pandas as pd
 from cases import Case
 from kinds import KINDS, Kind
-from map_scores import scores
+from map_scores import calibration_errors, scores
 from real_traffic import RealKind, real_kinds
 from receivers import RECEIVERS
 from sumo_kinds import NAMES, SumoKind, sumo_kinds
@@ -60,7 +61,8 @@ VARIANTS: dict[str, dict[str, Any]] = {
 AnyKind = Kind | RealKind | SumoKind
 KEYS = ["kind", "receivers", "n", "variant", "seed", "mode", "method"]
 FIGURES = ["precision", "recall", "iou", "fixes_on_free", "fixes_on_occupied", "ece", "ece_unsure", "unsure_share"]
-COLUMNS = [*KEYS, *FIGURES, "n_used", "cpu_s", "open_lanes", "warnings", "error"]
+SAID = {"fixes_on_free_share": "said_on_free", "fixes_on_occupied_share": "said_on_occupied"}  # by the map of its own fixes
+COLUMNS = [*KEYS, *FIGURES, *SAID.values(), "n_used", "cpu_s", "open_lanes", "warnings", "error", "reliability"]
 FAULT_OF_OURS = "fault: "  # begins the error of a map that raised anything but a refusal of its input
 
 
@@ -111,7 +113,9 @@ def measure(
     method: str,
 ) -> None:
     """Append to the rows at `path` those that are not there yet; `wanted` are (seed, kind, receivers, n, variant)."""
-    there = pd.read_csv(path, dtype={"receivers": str}) if path.exists() else pd.DataFrame(columns=KEYS)
+    there = pd.read_csv(path, dtype={"receivers": str}) if path.exists() else pd.DataFrame(columns=COLUMNS)
+    if list(there) != COLUMNS:  # written by another version of this script
+        there.reindex(columns=COLUMNS).to_csv(path, index=False)
     known = set(there[KEYS].itertuples(index=False, name=None))
     for seed, kind, receivers, n, variant in wanted:
         keys = {mode: (kind, receivers, n, variant, seed, mode, method) for mode in modes}
@@ -157,6 +161,7 @@ def row_of(case: Case, *, joined: bool, method: str, seed: int) -> dict[str, Any
         "cpu_s": cpu_s,
         "open_lanes": learned.get("open_lanes"),
         "warnings": " | ".join(map(str, learned.get("warnings", []))),
+        **{column: learned.get(key) for key, column in SAID.items()},
     }
 
 
@@ -175,9 +180,15 @@ def table_of(rows: pd.DataFrame) -> pd.DataFrame:
             low, high = _interval_of_median(values)
             row |= {name: np.median(values), f"{name}_least": values.min(), f"{name}_low": low, f"{name}_high": high}
         row |= {name: part[name].median() for name in ("fixes_on_free", "fixes_on_occupied", "ece", "ece_unsure", "cpu_s")}
-        row["ece_unsure_worst"] = part["ece_unsure"].max()
+        row |= dict(zip(("ece_zone", "ece_unsure_zone"), _calibration_of(part["reliability"]), strict=True))
         out.append(row)
     return pd.DataFrame(out).round(4)
+
+
+def _calibration_of(texts: pd.Series) -> tuple[float, float]:
+    """Expected calibration errors, over all cells and over unsure ones, of the maps of a group together."""
+    sums = [json.loads(text) for text in texts.dropna()]
+    return calibration_errors(np.sum(sums, axis=0)) if sums else (float("nan"), float("nan"))
 
 
 def _interval_of_median(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> tuple[float, float]:

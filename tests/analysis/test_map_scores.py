@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
-from map_scores import calibration_errors, fix_shares, scores
+from map_scores import calibration_errors, fix_shares, reliability, scores
 
 from wzsumo.grid import OccupancyGrid
 
@@ -65,7 +65,7 @@ def test_calibration_error_is_the_gap_between_p_and_the_share_of_occupied_cells(
     occupied = np.zeros(189, dtype=bool)
     occupied[60:70] = True  # half of those with 0.3
     occupied[80:90] = True  # all of those with 0.72
-    everywhere, unsure = calibration_errors(p, occupied)
+    everywhere, unsure = calibration_errors(reliability(p, occupied))
     assert unsure == pytest.approx((20 * 0.2 + 10 * 0.28) / 30, abs=1e-6)
     assert everywhere == pytest.approx((60 * 0.005 + 20 * 0.2 + 10 * 0.28) / 90, abs=1e-6)
 
@@ -73,4 +73,11 @@ def test_calibration_error_is_the_gap_between_p_and_the_share_of_occupied_cells(
 def test_gaps_of_opposite_sign_in_different_bins_do_not_cancel() -> None:
     p = np.repeat(np.array([0.3, 0.7], dtype=np.float32), 10)
     occupied = np.r_[np.ones(10, dtype=bool), np.zeros(10, dtype=bool)]
-    assert calibration_errors(p, occupied)[1] == pytest.approx(0.7, abs=1e-6)
+    assert calibration_errors(reliability(p, occupied))[1] == pytest.approx(0.7, abs=1e-6)
+
+
+def test_gaps_of_opposite_sign_in_one_bin_cancel_over_maps_of_a_zone_but_not_in_one_map() -> None:
+    p = np.full(10, 0.5001, dtype=np.float32)
+    wide, narrow = (reliability(p, np.full(10, occupied)) for occupied in (True, False))
+    assert calibration_errors(wide)[1] == pytest.approx(0.4999, abs=1e-4)
+    assert calibration_errors(wide + narrow)[1] == pytest.approx(0.0, abs=1e-3)
