@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from bars import FAULT
 from cases import Case
 from kinds import KINDS, Kind
 from map_scores import calibration_errors, scores
@@ -63,7 +64,6 @@ KEYS = ["kind", "receivers", "n", "variant", "seed", "mode", "method"]
 FIGURES = ["precision", "recall", "iou", "fixes_on_free", "fixes_on_occupied", "ece", "ece_unsure", "unsure_share"]
 SAID = {"fixes_on_free_share": "said_on_free", "fixes_on_occupied_share": "said_on_occupied"}  # by the map of its own fixes
 COLUMNS = [*KEYS, *FIGURES, *SAID.values(), "n_used", "cpu_s", "open_lanes", "warnings", "error", "reliability"]
-FAULT_OF_OURS = "fault: "  # begins the error of a map that raised anything but a refusal of its input
 
 
 def main() -> None:
@@ -153,7 +153,7 @@ def row_of(case: Case, *, joined: bool, method: str, seed: int) -> dict[str, Any
     except InputError as error:
         return {"error": str(error), "cpu_s": time.process_time() - start}
     except Exception:  # noqa: BLE001 - a study counts the crashes of a method instead of ending with the first
-        text = FAULT_OF_OURS + traceback.format_exc(limit=-2).replace("\n", " | ")
+        text = FAULT + traceback.format_exc(limit=-2).replace("\n", " | ")
         return {"error": text, "cpu_s": time.process_time() - start}
     cpu_s = time.process_time() - start
     return scores(grid, case.drivable, case.scored, usable) | {
