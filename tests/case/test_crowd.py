@@ -49,6 +49,11 @@ def test_ground_that_two_vehicles_drove_over_is_as_wide_as_they_have_in_common(c
     assert width_of(ground, cells) == pytest.approx(2 * REACH_M - 0.4, abs=cells.resolution)
 
 
+def test_witnesses_of_half_a_metre_free_a_metre(cells: OccupancyGrid) -> None:
+    ground = witnessed_ground(cells, straight_traces([MIDDLE, MIDDLE], length_m=1100.0), reach_m=0.5)
+    assert width_of(ground, cells) == pytest.approx(1.0, abs=cells.resolution)
+
+
 def test_ground_that_one_vehicle_drove_over_is_not_known_to_be_free(cells: OccupancyGrid) -> None:
     alone = straight_traces([MIDDLE], length_m=1100.0)
     assert not witnessed_ground(cells, alone, reach_m=REACH_M).any()

@@ -1,4 +1,6 @@
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -8,8 +10,9 @@ from case.finished_plans import coarse_paper, coarse_site
 
 from wzsumo.case import map_method
 from wzsumo.case.crowd import learn_from
-from wzsumo.case.map_method import MadeMap, MapTask, MixtureMethod, TracesMethod
+from wzsumo.case.map_method import LidarMethod, MadeMap, MapTask, MixtureMethod, TracesMethod
 from wzsumo.case.methods import METHODS
+from wzsumo.case.sources import Sources
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.grid import blank_grid
 
@@ -57,6 +60,19 @@ def test_mixture_method_names_the_number_of_its_components() -> None:
     made = METHODS["swept"]
     assert isinstance(made, MixtureMethod)
     assert made.make_of(crowd, MapTask(cells=CELLS, half_width_m=0.9, seed=1)).figures == {"n_components": 1}
+
+
+def test_map_of_scans_ends_at_the_outer_edges_of_the_shoulders_of_the_road_before() -> None:
+    """Scans that saw nothing: free is the paper's pavement, from 10 ft right of the lanes to 48 ft, also where it is closed."""
+    site = coarse_site()
+    seen = site.cells.with_p_occupied(np.zeros(site.cells.shape))
+    method = LidarMethod(name="blind", title="", form=lambda _maps: seen)
+    lidar = SimpleNamespace(maps=None)
+    grid = method.map_of_zone(cast("Sources", SimpleNamespace(lidar=lidar, site=site)))
+    x = (site.layout.start + site.layout.end) / 2
+    y = np.array([-3.9, -3.2, -2.8, 1.0, 14.3, 14.9])  # shoulders from -3.05 to 0 m and up to 14.63 m
+    free = grid.free[grid.cell_of(np.column_stack([np.full_like(y, x), y]))]
+    assert free.tolist() == [False, False, True, True, True, False]
 
 
 def test_only_lanes_joins_a_road_and_costs_two_seconds_where_others_cost_half_a_second() -> None:

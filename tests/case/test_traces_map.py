@@ -1,4 +1,5 @@
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from builders import straight_traces
 
 from wzsumo.case.map_method import MadeMap, MapTask, TracesMethod
-from wzsumo.case.traces_map import map_of_traces
+from wzsumo.case.traces_map import map_of_traces, read_road
 from wzsumo.case.watch import quiet_progress
 from wzsumo.errors import InputError
 from wzsumo.grid import OccupancyGrid
@@ -54,3 +55,33 @@ def test_traces_that_need_more_than_100_million_cells_are_refused_with_a_resolut
     refusal = pytest.raises(InputError, match=r"t\.csv: .* more than 100 million cells; .* give a resolution of 0\.32 m")
     with refusal if refused else nullcontext():
         made(traces, resolution_m=float(np.sqrt(0.1 * (1 + 1e-6))))
+
+
+ROAD_FILE = """
+[road]
+lane_count = 2
+left_shoulder_ft = 10
+right_shoulder_ft = 10
+length_ft = 5000
+[announced]
+start_ft = 1000
+end_ft = 3000
+"""
+
+
+def test_road_before_is_that_of_its_file_and_none_without_one(tmp_path: Path) -> None:
+    traces = straight_traces([1.8, 5.4], length_m=1000.0)
+    path = tmp_path / "road.toml"
+    path.write_text(ROAD_FILE)
+    before = read_road(path, traces, source="t.csv")
+    assert before is not None
+    assert (before.start, before.end) == pytest.approx((304.8, 914.4))
+    assert before.road.length == pytest.approx(1524.0)
+    assert read_road(None, traces, source="t.csv") is None
+
+
+def test_traces_beside_their_road_are_refused_by_the_names_of_both_files(tmp_path: Path) -> None:
+    path = tmp_path / "road.toml"
+    path.write_text(ROAD_FILE)
+    with pytest.raises(InputError, match=r"t\.csv: 0 of \d+ fixes lie on the road of .*road\.toml"):
+        read_road(path, straight_traces([100.0, 104.0], length_m=1000.0), source="t.csv")

@@ -138,7 +138,7 @@ class MixtureMethod(CrowdMethod):
 
     def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
         """The map of the mixture of the traces, of which at most MAX_MIXTURE_FIXES are taken."""
-        fixes = traces.iloc[:: max(1, -(-len(traces) // MAX_MIXTURE_FIXES))]
+        fixes = traces.iloc[:: -(-len(traces) // MAX_MIXTURE_FIXES)]
         road = reference_line_from_traces(fixes)
         return self.make_of(learn_from(fixes, road=road, spec=MixtureSpec(), seed=task.seed, tell=task.tell), task)
 
