@@ -79,8 +79,9 @@ def build_map(
         raise InputError(f"resolution_m={resolution_m} must be above 0 and at most 10 m, the edge of a cell")
     road_file = None if road is None else Path(road)
     chosen = crowd_method(method, road=road_file)
-    usable = usable_traces(fixes_from(traces).table, source="traces").traces
-    before = read_road(road_file, usable, source="traces")
+    fixes = fixes_from(traces)
+    usable = usable_traces(fixes.table, source="traces").traces
+    before = read_road(road_file, usable, source="traces", frame=fixes.frame, utc=fixes.utc)
     grid, _ = map_of_traces(
         usable, chosen, source="traces", seed=seed, resolution_m=resolution_m, before=before, progress=quiet_progress
     )

@@ -29,6 +29,10 @@ class PlacementError(InputError):
     """A place in a network at which the zone cannot be set up, or a file of that network that cannot be used."""
 
 
+class FeedError(InputError):
+    """A WZDx feed that cannot be used: another version, no event of this road, broken geometry."""
+
+
 class OutputError(InputError):
     """A file or folder to which results cannot be written."""
 

@@ -16,6 +16,7 @@ from shapely import Polygon
 
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray, arc_length, wrap_angle
+from wzsumo.geography import LocalFrame
 from wzsumo.road_projection import MitredLine, mitred_line, project
 from wzsumo.spec import Spec
 from wzsumo.units import METRES_PER_FOOT, feet_from_metres
@@ -192,6 +193,8 @@ class RoadSpec(Spec):
     length_ft: float | None = Field(None, gt=0)  # of a straight road; or:
     alignment: tuple[Bend, ...] = ()  # straights, arcs and transitions, or:
     reference_points_m: tuple[tuple[float, float], ...] = ()  # any real alignment: the middle of all lanes, in metres
+    crs: str | None = None  # of those points, such as "EPSG:32617"; none: a road without a place on earth
+    origin_m: tuple[float, float] = (0.0, 0.0)  # the CRS coordinates of their (0, 0)
 
     @model_validator(mode="after")
     def _one_alignment(self) -> Self:
@@ -199,6 +202,20 @@ class RoadSpec(Spec):
         if len(given) != 1:
             raise ValueError(f"give exactly one of length_ft, alignment, reference_points_m (given: {given or 'none'})")
         return self
+
+    @model_validator(mode="after")
+    def _crs_is_known(self) -> Self:
+        if self.crs is not None:
+            try:
+                LocalFrame(crs=self.crs, origin_m=self.origin_m)
+            except SpecError as error:
+                raise ValueError(str(error)) from None
+        return self
+
+    @property
+    def frame(self) -> LocalFrame | None:
+        """The place of the road's metres on earth; None where it has none."""
+        return None if self.crs is None else LocalFrame(crs=self.crs, origin_m=self.origin_m)
 
     def build(self) -> Road:
         """The Road in metres.

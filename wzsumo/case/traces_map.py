@@ -11,8 +11,10 @@ from wzsumo.case.methods import METHODS, method_named, methods_from
 from wzsumo.case.watch import Progress
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
 from wzsumo.errors import InputError, SpecError
+from wzsumo.geography import LocalFrame
 from wzsumo.grid import OccupancyGrid, blank_grid
-from wzsumo.scenario.road_before import check_on_road, read_map_before
+from wzsumo.scenario.known_road import read_known_road
+from wzsumo.scenario.road_before import check_on_road, map_before
 from wzsumo.vehicle import VehicleGeometry
 
 MAP_MARGIN_M = 10.0  # around the traces; chosen by us
@@ -33,11 +35,17 @@ def crowd_method(name: str, *, road: Path | None) -> CrowdMethod:
     return method
 
 
-def read_road(road: Path | None, traces: pd.DataFrame, *, source: str) -> MapBefore | None:
-    """The road before the zone by its file, None where none is given. Raises InputError where the traces are not on it."""
+def read_road(
+    road: Path | None, traces: pd.DataFrame, *, source: str, frame: LocalFrame | None = None, utc: bool = False
+) -> MapBefore | None:
+    """The road before the zone of a file, in metres of `frame`; None where no file is given.
+
+    Raises InputError where the traces are not on it.
+    """
     if road is None:
         return None
-    before = read_map_before(road)
+    known = read_known_road(road, traces=traces, frame=frame, utc=utc, source=source)
+    before = map_before(known.road, known.announced)
     check_on_road(traces, before, source=source, road_source=str(road))
     return before
 

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +10,20 @@ import pandas as pd
 
 from wzsumo.case.map_method import Source
 from wzsumo.case.methods import DEFAULT_METHOD, methods_from
-from wzsumo.case.traces_map import crowd_method, map_of_traces, read_road
-from wzsumo.commands.arguments import add_out_folder, add_reading, cell_edge_m, column_names, seed
+from wzsumo.case.traces_map import crowd_method, map_of_traces
+from wzsumo.commands.arguments import add_out_folder, add_reading, cell_edge_m, column_names, number, seed
 from wzsumo.commands.progress import progress_bar
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
+from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
+from wzsumo.errors import InputError
+from wzsumo.files.fixes.fixes import Fixes
 from wzsumo.files.frame import write_frame
 from wzsumo.files.output import staged_folder
 from wzsumo.files.ros_map import write_map
 from wzsumo.files.traces import read_fixes
+from wzsumo.scenario.known_road import KnownRoad, announcement_along, read_known_road
+from wzsumo.scenario.road_before import check_on_road, map_before
+from wzsumo.units import METRES_PER_FOOT
 
 MORE = """\
 Traces are files or folders of .csv, .tsv, .parquet, GeoParquet, SUMO's FCD (.xml), .gpx, also as .csv.gz, one row a fix:
@@ -27,8 +33,10 @@ names others. Latitude and longitude are projected to a local frame, which frame
 
 Free cells have p_occupied below 0.196; where nobody drove is unknown, not free.
 
-Traces alone leave open which lanes the road has and where they lie exactly; --road says how it was before the zone, in the
-frame of the traces. It names a scenario (its road and where its zone begins and ends count), or a file such as
+Traces alone leave open which lanes the road has and where they lie exactly; --road says how it was before the zone. It names
+a scenario (its road and where its zone begins and ends count), a SUMO network (.net.xml), an OpenStreetMap extract (.osm,
+.osm.pbf), OpenDRIVE (.xodr), a GeoJSON line whose properties say `lanes`, or a file such as the one below. The stretch of a
+network is found from the traces, or named by --edges. --zone takes the zone from a WZDx 4 feed, with the feed's accuracy.
 
   [road]                       # lanes from right to left, widths in feet
   lane_count = 2
@@ -48,7 +56,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_out_folder(parser)
     add_reading(parser)
     parser.add_argument("--method", choices=list(methods_from(Source.CROWD)), default=DEFAULT_METHOD)
-    parser.add_argument("--road", type=Path, metavar="ROAD.toml", help="the road before the zone, to which the map is joined")
+    parser.add_argument("--road", type=Path, metavar="FILE", help="the road before the zone, to which the map is joined")
+    parser.add_argument(
+        "--zone", metavar="FEED.geojson#ID", help="the announced zone: a WZDx feed, one of its events, or a TOML file"
+    )
+    parser.add_argument(
+        "--edges", nargs="+", default=[], metavar="EDGE", help="the stretch of a network, instead of the traces' own"
+    )
+    parser.add_argument(
+        "--shoulders-ft", nargs=2, type=number, metavar=("LEFT", "RIGHT"), help="of a road from a network, which has none"
+    )
     parser.add_argument("--resolution-m", type=cell_edge_m, default=0.127, help="edge of a cell (default 0.127 m, 5 in)")
     parser.add_argument("--seed", type=seed, default=1)
 
@@ -64,7 +81,10 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     n_fixes, traces = len(fixes.table), usable.traces
     fixes = replace(fixes, table=fixes.table.iloc[:0])  # it may hold millions of fixes
     _print_dropped(usable.dropped)
-    before = read_road(args.road, traces, source=source)
+    known = _known_road(args, traces, fixes, source=source)
+    before = None if known is None or args.road is None else map_before(known.road, known.announced)
+    if before is not None:
+        check_on_road(traces, before, source=source, road_source=str(args.road))
     grid, learned = map_of_traces(
         traces, method, source=source, seed=args.seed, resolution_m=args.resolution_m, before=before, progress=progress_bar
     )
@@ -83,8 +103,36 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "dropped": usable.dropped.astype({"n_fixes": int}).to_dict("records"),
         "free_m2": float(grid.free.sum() * args.resolution_m**2),
         **learned,
-        "warnings": [*fixes.doubts, *learned.get("warnings", ())],
+        **_road_figures(known),
+        "warnings": [*fixes.doubts, *(known.said if known else ()), *learned.get("warnings", ())],
     }
+
+
+def _known_road(args: argparse.Namespace, traces: pd.DataFrame, fixes: Fixes, *, source: str) -> KnownRoad | None:
+    """The road and what is announced on it; a zone without a road is laid along the traces' own line, to be compared."""
+    if args.road is not None:
+        feet = args.shoulders_ft
+        shoulders = None if feet is None else (feet[0] * METRES_PER_FOOT, feet[1] * METRES_PER_FOOT)
+        return read_known_road(
+            args.road, zone=args.zone, traces=traces, frame=fixes.frame, utc=fixes.utc, edges=args.edges, shoulders=shoulders,
+            source=source,
+        )  # fmt: skip
+    if args.edges or args.shoulders_ft:
+        raise InputError("--edges and --shoulders-ft: are of a network; name it with --road NET.net.xml")
+    if args.zone is None:
+        return None
+    line = reference_line_from_traces(traces)
+    zone, said, details = announcement_along(args.zone, line, traces=traces, frame=fixes.frame, utc=fixes.utc)
+    word = "the announced zone is told, not used: a map is joined to it on a road (--road)"
+    return KnownRoad(road=line, announced=zone, said=(*said, word), details=details)
+
+
+def _road_figures(known: KnownRoad | None) -> dict[str, Any]:
+    """What --json prints of the road and of the announcement."""
+    if known is None:
+        return {}
+    zone = known.announced
+    return known.details | {"announced": None if zone is None else asdict(zone), "road_length_m": known.road.length}
 
 
 def _print_dropped(dropped: pd.DataFrame) -> None:

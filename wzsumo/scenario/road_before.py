@@ -6,10 +6,12 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
+from wzsumo.announced_zone import ESTIMATED_SD_M, VERIFIED_SD_M, AnnouncedZone
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
 from wzsumo.errors import InputError, SpecError
+from wzsumo.geography import LocalFrame
 from wzsumo.grid import OccupancyGrid, cells_inside
-from wzsumo.road import RoadSpec
+from wzsumo.road import Road, RoadSpec
 from wzsumo.scenario.scenario import load_scenario
 from wzsumo.spec import Spec, parse_spec, read_toml
 from wzsumo.units import METRES_PER_FOOT
@@ -22,33 +24,71 @@ class AnnouncedSection(Spec):
 
     start_ft: float = Field(ge=0)  # first device
     end_ft: float = Field(gt=0)  # last device
+    start_sd_ft: float = Field(ESTIMATED_SD_M / METRES_PER_FOOT, gt=0)  # how well they are known: standard deviations
+    end_sd_ft: float = Field(ESTIMATED_SD_M / METRES_PER_FOOT, gt=0)
 
 
 class RoadBefore(Spec):
-    """A file that describes the road before the zone, in the frame of the traces, and the announced zone."""
+    """A file that describes the road before the zone, in the frame of the traces, and the announced zone where one is."""
 
     road: RoadSpec
+    announced: AnnouncedSection | None = None
+
+
+class AnnouncedFile(Spec):
+    """A file that describes the announced zone alone."""
+
     announced: AnnouncedSection
 
 
-def read_map_before(path: Path) -> MapBefore:
-    """The road before the zone and the ends of the announced zone, from a scenario or a file with [road] and [announced].
+def read_road_spec(path: Path) -> tuple[Road, LocalFrame | None, AnnouncedZone | None]:
+    """(the road, the frame of its metres, the announced zone) of a scenario or a file with [road] and [announced].
 
     A scenario's closed lanes are not taken from it: the traces are to show what is closed.
     """
     content = read_toml(path)
     if "work_zone" in content:
-        layout = load_scenario(path).layout()
-        return MapBefore(road=layout.road, start=layout.start, end=layout.end)
+        scenario = load_scenario(path)
+        layout = scenario.layout()
+        announced = AnnouncedZone(
+            start_m=layout.start, end_m=layout.end, start_sd_m=VERIFIED_SD_M, end_sd_m=VERIFIED_SD_M, source=str(path)
+        )
+        return layout.road, scenario.road.frame, announced
     spec = parse_spec(RoadBefore, content, source=str(path))
     road = spec.road.build()
-    start, end = (at * METRES_PER_FOOT for at in (spec.announced.start_ft, spec.announced.end_ft))
+    return road, spec.road.frame, _zone(spec.announced, road, path) if spec.announced else None
+
+
+def read_announced(path: Path, road: Road) -> AnnouncedZone:
+    """The zone that the section [announced] of a file says to be on the road."""
+    content = read_toml(path)
+    return _zone(parse_spec(AnnouncedFile, {"announced": content.get("announced")}, source=str(path)).announced, road, path)
+
+
+def read_map_before(path: Path) -> MapBefore:
+    """The road before the zone and the ends of the announced zone, from a scenario or a file with [road] and [announced]."""
+    road, _, announced = read_road_spec(path)
+    return map_before(road, announced)
+
+
+def map_before(road: Road, announced: AnnouncedZone | None) -> MapBefore:
+    """The road with the ends of the zone on it; a zone that nobody announced may be anywhere on the road."""
+    if announced is None:
+        return MapBefore(road=road, start=0.0, end=road.length)
+    return MapBefore(road=road, start=max(announced.start_m, 0.0), end=min(announced.end_m, road.length))
+
+
+def _zone(spec: AnnouncedSection, road: Road, path: Path) -> AnnouncedZone:
+    start, end = (at * METRES_PER_FOOT for at in (spec.start_ft, spec.end_ft))
     if not start < end <= road.length:
         raise SpecError(
-            f"{path}: announced.start_ft={spec.announced.start_ft:g} and announced.end_ft={spec.announced.end_ft:g} must be in "
-            f"this order and on the road, which is {road.length / METRES_PER_FOOT:.0f} ft long"
+            f"{path}: announced.start_ft={spec.start_ft:g} and announced.end_ft={spec.end_ft:g} must be in this order and on "
+            f"the road, which is {road.length / METRES_PER_FOOT:.0f} ft long"
         )
-    return MapBefore(road=road, start=start, end=end)
+    return AnnouncedZone(
+        start_m=start, end_m=end, start_sd_m=spec.start_sd_ft * METRES_PER_FOOT, end_sd_m=spec.end_sd_ft * METRES_PER_FOOT,
+        source=str(path),
+    )  # fmt: skip
 
 
 def check_on_road(traces: pd.DataFrame, before: MapBefore, *, source: str, road_source: str) -> None:

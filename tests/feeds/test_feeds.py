@@ -1,0 +1,261 @@
+"""WZDx in and out: the examples of the specification, feeds that deviate, and feeds of maps that are known exactly."""
+
+import copy
+import json
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from builders import lane_map_of, paper_layout, paper_road
+
+from wzsumo.errors import FeedError, MapError
+from wzsumo.feeds.announcement import announced_on
+from wzsumo.feeds.check import rule_faults, schema_faults
+from wzsumo.feeds.publication import FeedDetails, published_zone
+from wzsumo.feeds.road_event import read_feed, road_event, road_events, split_event
+from wzsumo.geography import local_frame
+from wzsumo.road import Road
+from wzsumo.scenario.scenario import load_scenario
+
+PLACE = local_frame([[-93.65, 41.65]])
+ROAD = paper_road()  # three lanes of 12 ft, eastbound, 1524 m
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
+DETAILS = FeedDetails(
+    publisher="Test DOT", road_name="I-80", direction=None, start_date="2026-06-01T14:00:00Z", end_date="2026-06-02T14:00:00Z"
+)
+
+
+def event(start: float = 300.0, end: float = 900.0, *, points: int = 5, **properties: Any) -> dict[str, Any]:
+    """A work zone event along ROAD between two stations."""
+    lonlat = PLACE.to_lonlat(ROAD.to_xy(np.linspace(start, end, points), 5.0))
+    core = {"data_source_id": "1", "event_type": "work-zone", "road_names": ["I-80"], "direction": "eastbound"}
+    defaults = {
+        "start_date": "2026-06-01T00:00:00Z", "end_date": "2026-06-30T00:00:00Z", "location_method": "unknown",
+        "is_start_date_verified": False, "is_end_date_verified": False, "is_start_position_verified": True,
+        "is_end_position_verified": False, "vehicle_impact": "some-lanes-closed",
+    }  # fmt: skip
+    return {
+        "id": properties.pop("id", "a"), "type": "Feature",
+        "geometry": {"type": properties.pop("geometry", "LineString"), "coordinates": lonlat.tolist()},
+        "properties": {"core_details": core | properties.pop("core", {})} | defaults | properties,
+    }  # fmt: skip
+
+
+def lanes(*statuses: str, kinds: tuple[str, ...] = ()) -> list[dict[str, Any]]:
+    """Lanes from the left."""
+    kinds = kinds or ("general",) * len(statuses)
+    return [{"order": n + 1, "type": kind, "status": s} for n, (kind, s) in enumerate(zip(kinds, statuses, strict=True))]
+
+
+def feed(*events: dict[str, Any], version: str = "4.2") -> dict[str, Any]:
+    source = {"data_source_id": "1", "organization_name": "Test DOT"}
+    info = {"publisher": "Test DOT", "version": version, "update_date": "2026-06-01T00:00:00Z", "data_sources": [source]}
+    return {"type": "FeatureCollection", "feed_info": info, "features": list(events)}
+
+
+def announced(*events: dict[str, Any], road: Road = ROAD, times_s: tuple[float, float] | None = None) -> Any:
+    return announced_on(road_events(feed(*events), source="f")[0], road, frame=PLACE, times_s=times_s, source="f")
+
+
+def test_feed_of_the_tests_keeps_the_specification() -> None:
+    assert schema_faults(feed(event(lanes=lanes("closed", "open", "open")))) == []
+    assert rule_faults(feed(event(lanes=lanes("closed", "open", "open")))) == []
+
+
+def test_event_becomes_a_zone_with_the_accuracy_of_the_feed() -> None:
+    found = announced(event(lanes=lanes("shoulder", "closed", "open", "open", kinds=("shoulder", *["general"] * 3)),
+                            reduced_speed_limit_kph=88.5))  # fmt: skip
+    zone = found.zone
+    assert (zone.start_m, zone.end_m) == pytest.approx((300.0, 900.0), abs=0.01)
+    assert zone.start_sd_m < 30  # measured
+    assert zone.end_sd_m > 100  # not measured
+    assert zone.closed_lanes == (2,)  # the leftmost, counted from the right
+    assert (zone.side, zone.speed_mps) == ("left", pytest.approx(88.5 / 3.6))
+
+
+def test_older_keys_of_accuracy_are_read() -> None:
+    given = event(beginning_accuracy="estimated", ending_accuracy="verified")
+    for key in ("is_start_position_verified", "is_end_position_verified"):
+        del given["properties"][key]
+    zone = announced(given).zone
+    assert zone.end_sd_m < 30 < zone.start_sd_m
+
+
+def test_geometry_against_the_named_direction_is_turned_with_its_accuracy() -> None:
+    found = announced(event(900.0, 300.0))
+    assert (found.zone.start_m, found.zone.end_m) == pytest.approx((300.0, 900.0), abs=0.01)
+    assert found.zone.end_sd_m < 30 < found.zone.start_sd_m
+    assert any("the other way round" in word for word in found.said)
+
+
+def test_events_of_both_directions_are_told_apart_by_their_name() -> None:
+    found = announced(event(), event(1100.0, 200.0, id="other", core={"direction": "westbound"}))
+    assert found.events == ("a",)
+    assert any(word.startswith("other: westbound, the other way") for word in found.said)
+
+
+def test_points_without_order_and_events_in_sequence_are_one_zone() -> None:
+    found = announced(
+        event(500.0, 300.0, points=2, geometry="MultiPoint", lanes=lanes("open", "open", "merge-left")),
+        event(500.0, 900.0, id="b", lanes=lanes("open", "closed", "closed")),
+    )
+    assert (found.zone.start_m, found.zone.end_m) == pytest.approx((300.0, 900.0), abs=0.01)
+    assert found.zone.closed_lanes == (0, 1)
+    assert any("2 events are taken as one zone" in word for word in found.said)
+
+
+def test_lanes_that_are_not_said_stay_open_questions() -> None:
+    assert announced(event()).zone.closed_lanes is None
+    other_number = announced(event(lanes=lanes("closed", "open")))
+    assert other_number.zone.closed_lanes is None
+    assert any("says 2 lanes where the road has 3" in word for word in other_number.said)
+    assert announced(event(vehicle_impact="all-lanes-open-shift-left")).zone.closed_lanes == ()
+    assert announced(event(vehicle_impact="some-lanes-closed-merge-left")).zone.side == "right"
+
+
+def test_events_of_another_time_are_left_out() -> None:
+    june, july = (1_780_322_400.0, 1_780_326_000.0), (1_783_000_000.0, 1_783_001_000.0)
+    other = event(100.0, 1000.0, id="b", start_date="2026-07-01T00:00:00Z", end_date="2026-07-30T00:00:00Z")
+    assert announced(event(), other, times_s=june).events == ("a",)
+    assert announced(event(), other, times_s=july).events == ("b",)
+
+
+ELSEWHERE = {
+    "a detour": (event(core={"event_type": "detour"}), "a detour closes nothing"),
+    "the plan of a moving operation": (event(work_zone_type="planned-moving-area"), "planned area of a moving operation"),
+    "the other way": (event(900.0, 300.0, core={"direction": "westbound"}), "westbound, the other way"),
+    "another road": (
+        event() | {"geometry": {"type": "LineString", "coordinates": [[-93.0, 41.0], [-93.1, 41.0]]}},
+        "elsewhere",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ELSEWHERE)
+def test_feed_without_an_event_on_the_road_is_refused_with_the_reason(case: str) -> None:
+    given, said = ELSEWHERE[case]
+    with pytest.raises(FeedError, match=said) as refused:
+        announced(given)
+    assert str(refused.value).startswith("f: no event passes along the road")
+
+
+def test_moving_operation_is_taken_with_wide_ends() -> None:
+    zone = announced(event(work_zone_type="moving")).zone
+    assert zone.start_sd_m == zone.end_sd_m > 200
+
+
+def without(given: dict[str, Any], *path: str) -> dict[str, Any]:
+    made = copy.deepcopy(given)
+    inner = made
+    for key in path[:-1]:
+        inner = inner[key]
+    del inner[path[-1]]
+    return made
+
+
+BROKEN = {
+    "no JSON": ("{", "is no GeoJSON"),
+    "a list": (json.dumps([]), "is no FeatureCollection"),
+    "version 3": (json.dumps(feed(event(), version="3.1")), "version='3.1' must be one of 4.0, 4.1, 4.2"),
+    "no feed_info": (json.dumps(without(feed(event()), "feed_info")), "version='not said'"),
+    "devices": (json.dumps(feed({"id": "d", "type": "Feature", "properties": {}, "geometry": None})), "has no road event"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_file_that_is_no_work_zone_feed_is_refused(tmp_path: Path, case: str) -> None:
+    content, said = BROKEN[case]
+    (tmp_path / "feed.geojson").write_text(content)
+    with pytest.raises(FeedError, match=said):
+        read_feed(tmp_path / "feed.geojson")
+
+
+def test_broken_event_is_refused_by_its_id_and_passed_over_among_others() -> None:
+    broken = without(event(id="bad"), "geometry")
+    given = feed(broken, event())
+    with pytest.raises(FeedError, match=r"f#bad: is no road event of WZDx 4 \(KeyError: 'geometry'\)"):
+        road_event(given, "bad", source="f")
+    events, faults = road_events(given, source="f")
+    assert [found.id for found in events] == ["a"]
+    assert len(faults) == 1
+    with pytest.raises(FeedError, match="f#c: no event of this id; the feed has bad, a"):
+        road_event(given, "c", source="f")
+    assert split_event("dir/feed.geojson#a#b") == (Path("dir/feed.geojson"), "a#b")
+
+
+FAULTS = {
+    "a lane left out": (event(lanes=lanes("open", "closed")[1:]), "orders of lanes [2] must be 1 (leftmost) to 1"),
+    "an unknown source": (event(core={"data_source_id": "9"}), "data_source_id '9' is none of feed_info.data_sources"),
+    "local time": (event(start_date="2026-06-01T00:00:00-05:00"), "start_date='2026-06-01T00:00:00-05:00' must be in UTC"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_business_rules_are_checked(case: str) -> None:
+    given, said = FAULTS[case]
+    assert [fault for fault in rule_faults(feed(given)) if said in fault]
+
+
+def test_schema_faults_name_their_place() -> None:
+    (fault,) = schema_faults(feed(without(event(), "properties", "vehicle_impact")))
+    assert fault.startswith("features[0]")
+    assert "'vehicle_impact' is a required property" in fault
+    assert schema_faults(feed(event(lanes=[{"order": 0, "type": "general", "status": "open"}])))
+
+
+ZONES = ["paper", "right_lane", "double_closure", "lane_shift", "paper_bend_300m"]
+
+
+@pytest.mark.parametrize("zone", ZONES)
+def test_feed_of_a_known_zone_is_valid_and_reads_back_as_that_zone(zone: str) -> None:
+    layout = load_scenario(SCENARIOS / f"{zone}.toml").layout()
+    made = published_zone(lane_map_of(layout), PLACE, DETAILS)
+    assert schema_faults(made) == []
+    assert rule_faults(made) == []
+    found = announced_on(road_events(made, source="f")[0], layout.road, frame=PLACE, times_s=None, source="f").zone
+    tapers = [area for area in layout.areas if "taper" in area.name and not area.name.startswith("shoulder")]
+    first = tapers[0]
+    assert first.start - 1 < found.start_m < first.start + 0.3 * first.length + 5
+    assert found.end_m == pytest.approx(layout.end, abs=60)
+    if len(made["features"][0]["properties"]["lanes"]) == layout.road.own_lanes:
+        assert found.closed_lanes == tuple(sorted(layout.work_zone.closed_lanes))
+    assert all(core["properties"]["core_details"]["direction"] == "eastbound" for core in made["features"][:1])
+
+
+def test_stretches_with_other_lanes_are_events_of_their_own_in_sequence() -> None:
+    layout = load_scenario(SCENARIOS / "double_closure.toml").layout()
+    made = published_zone(lane_map_of(layout), PLACE, DETAILS)["features"]
+    statuses = [[lane["status"] for lane in found["properties"]["lanes"]] for found in made]
+    assert statuses[0].count("closed") == 1
+    assert max(status.count("closed") for status in statuses) == 2
+    assert made[0]["properties"]["core_details"]["related_road_events"] == [{"type": "next-in-sequence", "id": made[1]["id"]}]
+    ends = [np.array(found["geometry"]["coordinates"])[[0, -1]] for found in made]
+    assert all(np.allclose(before[1], after[0]) for before, after in pairwise(ends))
+
+
+def test_end_is_verified_only_where_it_is_known_well() -> None:
+    exact = lane_map_of(paper_layout())
+    closed = exact.lanes[2]
+    blurred = closed.p_open.copy()
+    start = np.flatnonzero(blurred.min(axis=1) < 0.35)[0]
+    blurred[start - 60 : start] = 0.5  # nobody knows over the 120 m ahead of it
+    unsure = replace(exact, lanes=(*exact.lanes[:2], replace(closed, p_open=blurred)))
+    for lane_map, verified in ((exact, True), (unsure, False)):
+        first = published_zone(lane_map, PLACE, DETAILS)["features"][0]["properties"]
+        assert first["is_start_position_verified"] is verified
+
+
+def test_narrow_lane_is_published_as_a_restriction_in_feet() -> None:
+    made = published_zone(lane_map_of(paper_layout(), sd_m=0.02), PLACE, DETAILS)["features"]
+    shifted = made[1]["properties"]["lanes"][1]  # the left one of the two open lanes, 11 ft wide along the work space
+    assert shifted["restrictions"] == [{"type": "reduced-width", "value": pytest.approx(10.8, abs=0.11), "unit": "feet"}]
+
+
+def test_map_without_a_work_zone_is_not_published() -> None:
+    exact = lane_map_of(paper_layout())
+    straight = replace(exact.lanes[0], right=np.zeros(len(exact.stations)), left=np.full(len(exact.stations), 3.66))
+    with pytest.raises(MapError, match="no work zone to publish"):
+        published_zone(replace(exact, lanes=(straight,)), PLACE, DETAILS)

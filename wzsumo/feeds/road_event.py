@@ -1,0 +1,155 @@
+"""RoadEvent: one road event of a WZDx feed, read from versions 4.0 to 4.2."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wzsumo.errors import FeedError
+from wzsumo.frames import FloatArray
+
+VERSIONS = ("4.0", "4.1", "4.2")  # what complies with 4.1 complies with 4.2; 4.0 has the same events under older keys
+MAX_IDS_SHOWN = 6
+# Bearing of a carriageway by the name of its direction [degrees clockwise from north] (WZDx 4.2, Direction).
+BEARINGS_DEG = {"northbound": 0.0, "eastbound": 90.0, "southbound": 180.0, "westbound": 270.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventLane:
+    """A lane of a road event; `order` 1 is the leftmost."""
+
+    order: int
+    kind: str
+    status: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RoadEvent:
+    """A road event: where it is said to be, what it does to the lanes, how well that is known.
+
+    `lonlat` (n, 2) [degrees] runs in the direction of travel where `in_order`; the points of a MultiPoint have no order. Values
+    that the feed does not state are None; `lanes` is empty then. Times are in seconds since 1970-01-01 UTC.
+    """
+
+    id: str
+    kind: str  # work-zone or detour
+    road_names: tuple[str, ...]
+    direction: str
+    lonlat: FloatArray
+    in_order: bool
+    start_verified: bool
+    end_verified: bool
+    vehicle_impact: str
+    lanes: tuple[EventLane, ...]
+    movement: str | None  # static, moving or planned-moving-area
+    speed_mps: float | None
+    start_time_s: float | None
+    end_time_s: float | None
+
+    @property
+    def bearing_deg(self) -> float | None:
+        """Bearing of the carriageway by the name of its direction; None for inner-loop and the like."""
+        return BEARINGS_DEG.get(self.direction)
+
+
+def read_feed(path: Path) -> dict[str, Any]:
+    """The content of a WZDx work zone feed. Raises FeedError where the file is none, or of a version before 4."""
+    try:
+        feed = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise FeedError(f"{path}: no such file; name a WZDx feed in a GeoJSON file, with #ID for one of its events") from None
+    except (OSError, ValueError) as error:
+        raise FeedError(f"{path}: is no GeoJSON ({str(error).splitlines()[0]})") from None
+    if not isinstance(feed, dict) or feed.get("type") != "FeatureCollection" or not isinstance(feed.get("features"), list):
+        raise FeedError(f"{path}: is no FeatureCollection; a WZDx feed is one, with feed_info and features")
+    info = feed.get("feed_info") or feed.get("road_event_feed_info")
+    version = str((info or {}).get("version", "not said"))
+    if info is None or version not in VERSIONS:
+        raise FeedError(
+            f"{path}: feed_info.version={version!r} must be one of {', '.join(VERSIONS)}; ask the publisher for its feed of "
+            "that version"
+        )
+    if not any("core_details" in (found.get("properties") or {}) for found in feed["features"] if isinstance(found, dict)):
+        raise FeedError(f"{path}: has no road event (a device feed, or empty); give the work zone feed of the publisher")
+    return feed
+
+
+def road_events(feed: Mapping[str, Any], *, source: str) -> tuple[list[RoadEvent], list[str]]:
+    """(the road events of a feed, what is wrong with those that are broken)."""
+    events, faults = [], []
+    for found in feed["features"]:
+        try:
+            events.append(_event(found, source=source))
+        except FeedError as error:
+            faults.append(str(error))
+    return events, faults
+
+
+def road_event(feed: Mapping[str, Any], event_id: str, *, source: str) -> RoadEvent:
+    """The road event of an id. Raises FeedError where there is none, or it is broken."""
+    for found in feed["features"]:
+        if isinstance(found, dict) and str(found.get("id")) == event_id:
+            return _event(found, source=source)
+    ids = [str(found.get("id")) for found in feed["features"] if isinstance(found, dict)]
+    shown = ", ".join(ids[:MAX_IDS_SHOWN]) + (f" and {len(ids) - MAX_IDS_SHOWN} more" if len(ids) > MAX_IDS_SHOWN else "")
+    raise FeedError(f"{source}#{event_id}: no event of this id; the feed has {shown}")
+
+
+def split_event(name: str) -> tuple[Path, str | None]:
+    """(file, id of an event) of FEED.geojson#ID; None where no id is given.
+
+    >>> split_event("feed.geojson#a-1")[1]
+    'a-1'
+    """
+    path, _, event_id = name.partition("#")
+    return Path(path), event_id or None
+
+
+def _event(found: Any, *, source: str) -> RoadEvent:
+    name = f"{source}#{found.get('id', '?') if isinstance(found, dict) else '?'}"
+    try:
+        properties = found["properties"]
+        core = properties["core_details"]
+        geometry = found["geometry"]
+        points = np.array([position[:2] for position in geometry["coordinates"]], dtype=float).reshape(-1, 2)
+        if geometry["type"] not in {"LineString", "MultiPoint"} or len(points) < 2:
+            given = f"{geometry['type']} of {len(points)} points"
+            raise FeedError(f"{name}: geometry is a {given}; WZDx has lines or points, two or more")
+        if not (np.isfinite(points).all() and (np.abs(points) <= (180, 90)).all()):
+            raise FeedError(f"{name}: geometry holds {points[0].tolist()}, which is no longitude and latitude")
+        speed = properties.get("reduced_speed_limit_kph")
+        return RoadEvent(
+            id=str(found.get("id", "?")),
+            kind=str(core["event_type"]),
+            road_names=tuple(map(str, core.get("road_names", ()))),
+            direction=str(core.get("direction", "unknown")),
+            lonlat=points,
+            in_order=geometry["type"] == "LineString",
+            start_verified=_verified(properties, "is_start_position_verified", "beginning_accuracy"),
+            end_verified=_verified(properties, "is_end_position_verified", "ending_accuracy"),
+            vehicle_impact=str(properties.get("vehicle_impact", "unknown")),
+            lanes=tuple(_lane(lane) for lane in properties.get("lanes") or ()),
+            movement=properties.get("work_zone_type"),
+            speed_mps=None if speed is None else float(speed) / 3.6,
+            start_time_s=_seconds(properties.get("start_date")),
+            end_time_s=_seconds(properties.get("end_date")),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise FeedError(f"{name}: is no road event of WZDx 4 ({why}); it needs core_details, geometry and dates") from None
+
+
+def _lane(lane: Mapping[str, Any]) -> EventLane:
+    return EventLane(order=int(lane["order"]), kind=str(lane["type"]), status=str(lane["status"]))
+
+
+def _verified(properties: Mapping[str, Any], key: str, older: str) -> bool:
+    return bool(properties[key]) if key in properties else properties.get(older) == "verified"
+
+
+def _seconds(text: str | None) -> float | None:
+    return None if text is None else datetime.fromisoformat(text).timestamp()
