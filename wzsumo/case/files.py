@@ -27,7 +27,7 @@ NOT_RUN = {"slam": "not part of this run; `make baselines` runs it in the paper'
 
 def write_case(result: CaseResult, folder: Path) -> dict[str, Any]:
     """The content of result.json; written to `folder` with layout, traffic, traces, mixture, maps, paths and drives."""
-    write_layout(result.scenario.layout(), folder)
+    write_layout(result.scenario.layout(), folder, frame=result.scenario.road.frame)
     write_toml(result.scenario.model_dump(mode="json"), folder / "scenario.toml")
     _write_traffic(result.fleet.traffic, folder)
     _write_traces(result.collected, used=result.crowd.traces, folder=folder)

@@ -19,9 +19,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Lengths and areas of the zone, after writing layout.geojson, devices.csv and layout.png."""
-    layout = load_scenario(args.scenario).layout()
+    scenario = load_scenario(args.scenario)
+    layout = scenario.layout()
     with staged_folder(args.out) as stage:
-        write_layout(layout, stage)
+        write_layout(layout, stage, frame=scenario.road.frame)
         drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(layout))
         draw_zone(drawing).savefig(stage / "layout.png")
     return {

@@ -39,6 +39,27 @@ def geometry_in_metres(geometry: dict[str, Any], frame: LocalFrame | None) -> Ba
     return shape if frame is None else shapely.transform(shape, frame.from_lonlat)
 
 
+def placed_collection(collection: Mapping[str, Any], frame: LocalFrame | None) -> dict[str, Any]:
+    """A FeatureCollection in metres as it is to be written: in degrees where there is a frame, and with a word where not."""
+    members = {key: value for key, value in collection.items() if key not in {"type", "features"}}
+    features = [
+        feature(shapely.geometry.shape(found["geometry"]), found["properties"], frame=frame) for found in collection["features"]
+    ]
+    return feature_collection(features, frame=frame, **members)
+
+
+def collection_in_metres(collection: Mapping[str, Any]) -> dict[str, Any]:
+    """A FeatureCollection that was read, with its geometries in metres of the frame that it states."""
+    frame = frame_of_collection(collection)
+    if frame is None:
+        return dict(collection)
+    features = [
+        {**found, "geometry": shapely.geometry.mapping(geometry_in_metres(found["geometry"], frame))}
+        for found in collection["features"]
+    ]
+    return {**collection, "features": features}
+
+
 def degrees_of(geometry: BaseGeometry, frame: LocalFrame) -> BaseGeometry:
     """A geometry [m] in degrees: polygons counter-clockwise, cut where they cross the 180th meridian (RFC 7946, 3.1)."""
     placed = shapely.transform(geometry, frame.to_lonlat)

@@ -1,4 +1,4 @@
-"""Writes a layout as GeoJSON in world metres, and its devices as a table."""
+"""Writes a layout as GeoJSON, and its devices as a table."""
 
 import json
 from pathlib import Path
@@ -6,12 +6,18 @@ from typing import Any
 
 import shapely
 
+from wzsumo.files.frame import write_frame
+from wzsumo.files.geojson import placed_collection
+from wzsumo.geography import LocalFrame
 from wzsumo.work_zone import WorkZoneLayout
 
 
-def write_layout(layout: WorkZoneLayout, folder: Path) -> None:
-    """Write layout.geojson and devices.csv."""
-    (folder / "layout.geojson").write_text(json.dumps(layout_geojson(layout)), encoding="utf-8")
+def write_layout(layout: WorkZoneLayout, folder: Path, *, frame: LocalFrame | None) -> None:
+    """Write layout.geojson, in WGS 84 where the road's metres have a frame, with frame.json beside it; and devices.csv."""
+    placed = placed_collection(layout_geojson(layout), frame)
+    (folder / "layout.geojson").write_text(json.dumps(placed), encoding="utf-8")
+    if frame is not None:
+        write_frame(frame, folder)
     layout.devices.to_csv(folder / "devices.csv", index=False, float_format="%.4f")
 
 

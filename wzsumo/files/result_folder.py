@@ -15,6 +15,7 @@ from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
 from wzsumo.errors import InputError
+from wzsumo.files.geojson import collection_in_metres
 from wzsumo.files.ros_map import read_map
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, cells_inside
@@ -165,7 +166,7 @@ def read_result_folder(folder: Path) -> ResultFolder:
     features = {feature["properties"]["name"] for feature in layout.get("features") or []}
     if not layout.get("areas") or not features >= {"drivable", "closed_area", "pavement", "reference_line"}:
         raise InputError(f"{folder / 'layout.geojson'}: areas or features missing; run the scenario again")
-    return ResultFolder(folder=folder, result=result, layout=layout)
+    return ResultFolder(folder=folder, result=result, layout=collection_in_metres(layout))
 
 
 def _json_object(path: Path) -> dict[str, Any]:

@@ -3,11 +3,12 @@
 import numpy as np
 import shapely
 
-from wzsumo.errors import PlacementError
+from wzsumo.errors import PlacementError, SpecError
 from wzsumo.frames import FloatArray
 from wzsumo.geography import LocalFrame
 from wzsumo.placement.net import Net, NetEdge
 
+NO_PROJECTION = ("!", "-", "")  # projParameter of a network without a place on earth
 FROM_THE_ROAD_M = 30.0  # at most, of a point in degrees: some lanes beside the one that was meant; chosen by us
 
 
@@ -33,7 +34,7 @@ def edge_near(net: Net, latitude: float, longitude: float) -> tuple[str, float]:
     Raises PlacementError where the network has no geographic frame, or no road near that place.
     """
     projection = net.location.get("projParameter", "!")
-    if projection in {"!", "-", ""}:
+    if projection in NO_PROJECTION:
         raise PlacementError(
             f"--at-latlon: {net.file.path} has no geographic frame (projParameter={projection!r}); give --at EDGE POS"
         )
@@ -53,6 +54,16 @@ def frame_of(net: Net) -> LocalFrame:
     """The frame of a network that has one: SUMO adds netOffset to the coordinates of its projection."""
     east, north = (float(value) for value in net.location.get("netOffset", "0,0").split(","))
     return LocalFrame(crs=net.location["projParameter"], origin_m=(-east, -north))
+
+
+def known_frame(net: Net) -> LocalFrame | None:
+    """The frame of a network; None where its metres have no place on earth."""
+    if net.location.get("projParameter", "!") in NO_PROJECTION:
+        return None
+    try:
+        return frame_of(net)
+    except SpecError:
+        return None
 
 
 def _nearest(net: Net, point: FloatArray) -> tuple[NetEdge, float]:

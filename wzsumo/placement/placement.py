@@ -22,7 +22,7 @@ from wzsumo.placement.lane_states import ClosedLanes
 from wzsumo.placement.movements import lost_movements, vehicles_on
 from wzsumo.placement.net import Net
 from wzsumo.placement.net_patch import NetPatch
-from wzsumo.placement.place_on_net import edge_at
+from wzsumo.placement.place_on_net import edge_at, known_frame
 from wzsumo.placement.refusals import check_corridor, check_cuts
 from wzsumo.placement.xml_file import XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace, on_side
@@ -105,7 +105,7 @@ def write_placement(placed: Placed, configuration: Configuration, folder: Path) 
         changes = patch.changes
     report = _report(placed, rewriting, changes)
     (folder / "changes.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
-    write_layout(placed.layout, folder)
+    write_layout(placed.layout, folder, frame=known_frame(net))
     return report
 
 
