@@ -30,7 +30,8 @@ def feed_file(path: Path, *, points: Any = None, geometry: str = "LineString", *
     event = {
         "id": "e1", "type": "Feature", "geometry": {"type": geometry, "coordinates": PLACE.to_lonlat(xy).tolist()},
         "properties": {
-            "core_details": core, "start_date": "2026-06-01T00:00:00Z", "end_date": "2026-06-30T00:00:00Z", "vehicle_impact": "some-lanes-closed",
+            "core_details": core, "start_date": "2026-06-01T00:00:00Z", "end_date": "2026-06-30T00:00:00Z",
+            "vehicle_impact": "some-lanes-closed",
         } | properties,
     }  # fmt: skip
     info = {"publisher": "DOT", "version": "4.2", "data_sources": [], "update_date": "2026-06-01T00:00:00Z"}
