@@ -43,7 +43,11 @@ COMMANDS = {
 
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Run one command and exit."""
-    args = _parser(sys.argv[1:] if argv is None else argv).parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
+    parser = _parser(words)
+    if words and words[0] in COMMANDS:
+        words = getattr(import_module(f"wzsumo.commands.{words[0]}"), "prepared", list)(words)
+    args = parser.parse_args(words)
     command = import_module(f"wzsumo.commands.{args.command}")
     try:
         figures = command.run(args)

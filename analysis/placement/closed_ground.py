@@ -6,17 +6,15 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-# A vehicle that touches the line of devices by less is beside it: SUMO's positions have two decimals, and lanes of old networks
-# run up to 0.3 m off the road that the devices stand on.
-TOUCH_M = 0.35
+TOUCH_M = 0.1  # a vehicle that touches the line of devices by less is beside it
 CAR = (5.0, 1.8)  # SUMO's passenger car, length and width [m]
 
 
 def entered(fcd: Path, layout: Path, *, sizes: dict[str, tuple[float, float]] | None = None) -> set[str]:
     """Ids of the vehicles whose outline reached into the closed ground. `sizes`: (length, width) [m] by vehicle type."""
-    features = json.loads(layout.read_text())["features"]
-    ground = next(shapely.geometry.shape(f["geometry"]) for f in features if f["properties"]["name"] == "closed_area")
+    ground = closed_ground(layout)
     core = ground.buffer(-TOUCH_M)
     shapely.prepare(core)
     left, low, right, high = ground.bounds
@@ -32,6 +30,12 @@ def entered(fcd: Path, layout: Path, *, sizes: dict[str, tuple[float, float]] | 
                     found.add(vehicle.get("id", ""))
         step.clear()
     return found
+
+
+def closed_ground(layout: Path) -> BaseGeometry:
+    """The ground that the devices of a layout.geojson fence off."""
+    features = json.loads(layout.read_text())["features"]
+    return next(shapely.geometry.shape(f["geometry"]) for f in features if f["properties"]["name"] == "closed_area")
 
 
 def outline(x: float, y: float, angle_deg: float, length: float, width: float) -> shapely.Polygon:

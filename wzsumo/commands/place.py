@@ -6,7 +6,10 @@ from typing import Any
 
 from wzsumo.commands.arguments import add_out_folder, number
 from wzsumo.errors import PlacementError
+from wzsumo.figures.layout_figure import draw_zone
+from wzsumo.files.layout import layout_geojson
 from wzsumo.files.output import staged_folder
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.placement.configuration import Configuration
 from wzsumo.placement.net import Net
 from wzsumo.placement.place_on_net import edge_near
@@ -45,6 +48,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_out_folder(parser)
 
 
+def prepared(words: list[str]) -> list[str]:
+    """The words of the command line, with a space before an edge's id that begins with a minus, as OSM's do.
+
+    With the space argparse does not take it for an option.
+    """
+    ids = {number + 1 for number, word in enumerate(words) if word == "--at"}
+    return [f" {word}" if number in ids and word.startswith("-") else word for number, word in enumerate(words)]
+
+
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Write the three configurations; where the zone lies, what is cut, how many elements were changed."""
     if args.sumocfg and (args.routes or args.additionals):
@@ -59,6 +71,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     placed = place_zone(net, zone, edge_id=edge, position=position, side=args.lane_side)
     with staged_folder(args.out) as stage:
         report = write_placement(placed, configuration, stage)
+        drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(placed.layout))
+        draw_zone(drawing).savefig(stage / "layout.png")
     configs = {name: str(args.out / name / "run.sumocfg") for name in ("original", "open", "closed")}
     return report["zone"] | {
         "configurations": configs,
@@ -71,7 +85,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 def _place(args: argparse.Namespace, net: Net) -> tuple[str, float]:
     if args.at_latlon:
         return edge_near(net, *args.at_latlon)
-    edge, position = args.at
+    edge, position = args.at[0].strip(), args.at[1]
     try:
         return edge, float(position)
     except ValueError:

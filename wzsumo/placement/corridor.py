@@ -15,7 +15,8 @@ from wzsumo.placement.chain import Link, chain_ahead, chain_behind, roadway_slot
 from wzsumo.placement.net import Net, NetLane, point_on
 from wzsumo.road import Road
 
-BEHIND_M = 1_800.0  # of the road ahead of the zone: the farthest sign stands 1 mile ahead of it
+# Of the road upstream of the zone: the farthest sign stands 1 mile ahead of it. Less where the road runs across itself.
+UPSTREAM_M = (1_800.0, 900.0, 400.0, 100.0, 0.0)
 SHAPE_TOLERANCE_M = 0.02  # by which the reference line may leave the lane's points: SUMO writes two decimals
 SMOOTHED_STEPS_M = (0.0, 5.0, 10.0, 20.0)  # spacings at which a line with kinks is drawn anew, the finest that makes a road
 LONGEST_STEP_M = 20.0  # between points: offsets are mitred from point to point, and a kink should tell in its place alone
@@ -77,8 +78,7 @@ def find_corridor(
             f"lane {lost[0]} of edge {edge_id!r}, which the zone closes, ends or turns off at the end of edge "
             f"{last.edge.id!r}, within the {length:.0f} m of the zone; move or shorten the zone, or close another lane"
         )
-    before = chain_behind(net, edge, slots[through[-1]], length=BEHIND_M)
-    road = _road(net, before, links, through, shoulders=shoulders)
+    road = _road(net, links, through, shoulders=shoulders)
     corridor = Corridor(net=net, links=tuple(links), slots=through, road=road, start=0.0)
     start = corridor.station_of(links[0].lane(through[-1]), position)
     corridor = replace(corridor, start=start)
@@ -98,32 +98,43 @@ def _through_slots(links: list[Link], *, position: float, length: float) -> tupl
     return tuple(sorted(slots))
 
 
-def _road(
-    net: Net, before: list[NetLane], links: list[Link], slots: tuple[int, ...], *, shoulders: tuple[float, float]
-) -> Road:
-    """Road along the leftmost slot, moved to the middle of all slots."""
-    leftmost = slots[-1]
-    lanes = list(before)
+def _road(net: Net, links: list[Link], slots: tuple[int, ...], *, shoulders: tuple[float, float]) -> Road:
+    """Road along the leftmost slot, moved to the middle of all slots. Raises PlacementError where none can be laid."""
+    faults = []
+    for upstream in UPSTREAM_M:
+        before = chain_behind(net, links[0].edge, links[0].lanes[slots[-1]], length=upstream)
+        lanes = before + _lanes_ahead(net, links, slots[-1])
+        for step in SMOOTHED_STEPS_M:
+            try:
+                return _road_along(lanes, tuple(links[0].lane(slot).width for slot in slots), shoulders=shoulders, step=step)
+            except SpecError as error:
+                faults.append(str(error))
+    raise PlacementError(f"edge {links[0].edge.id!r}: no road can be laid along its lanes: {faults[-1]}")
+
+
+def _lanes_ahead(net: Net, links: list[Link], leftmost: int) -> list[NetLane]:
+    lanes: list[NetLane] = []
     for link in links:
         if leftmost not in link.lanes:
             break
         lanes.append(link.lane(leftmost))
         if leftmost in link.onward:
             lanes += net.via_lanes(link.onward[leftmost])
-    widths = tuple(links[0].lane(slot).width for slot in slots)
-    points = np.vstack([lane.points for lane in lanes])
-    line = np.array(shapely.LineString(_distinct(points)).simplify(SHAPE_TOLERANCE_M).coords)
-    faults = []
-    for step in SMOOTHED_STEPS_M:
-        try:
-            guide = Road(reference_line=_redrawn(line, step), lane_widths=(widths[-1],), left_shoulder=0.0, right_shoulder=0.0)
-            to_middle = widths[-1] - sum(widths) / 2  # d of the middle of all lanes where only the leftmost counts
-            middle = guide.to_xy(guide.stations, to_middle)
-            left, right = shoulders
-            return Road(reference_line=_distinct(middle), lane_widths=widths, left_shoulder=left, right_shoulder=right)
-        except SpecError as error:
-            faults.append(str(error))
-    raise PlacementError(f"edge {links[0].edge.id!r}: no road can be laid along its lanes: {faults[-1]}")
+    return lanes
+
+
+def _road_along(lanes: list[NetLane], widths: tuple[float, ...], *, shoulders: tuple[float, float], step: float) -> Road:
+    """Road along a chain of leftmost lanes; SpecError where its points do not make one, or it runs across itself."""
+    points = _distinct(np.vstack([lane.points for lane in lanes]))
+    line = _redrawn(np.array(shapely.LineString(points).simplify(SHAPE_TOLERANCE_M).coords), step)
+    guide = Road(reference_line=line, lane_widths=(widths[-1],), left_shoulder=0.0, right_shoulder=0.0)
+    to_middle = widths[-1] - sum(widths) / 2  # d of the middle of all lanes where only the leftmost counts
+    middle = _distinct(guide.to_xy(guide.stations, to_middle))
+    left, right = shoulders
+    road = Road(reference_line=middle, lane_widths=widths, left_shoulder=left, right_shoulder=right)
+    if not road.strip(0.0, road.length, -right, road.left_edge).is_valid:
+        raise SpecError(f"it runs across itself within {road.length:.0f} m")
+    return road
 
 
 def _distinct(points: FloatArray) -> FloatArray:

@@ -1,0 +1,174 @@
+"""Zones at random places of one network: each works for ten minutes of its traffic, or is refused by a rule.
+
+    python analysis/placement/random_placements.py NET.net.xml --sumocfg FILE --name i24 --out placement.csv
+
+Edges of two or more lanes are drawn by their length, then position, side and one or two lanes. A place works where SUMO loads
+the closed network, no vehicle drives over the closed ground, nobody teleports who would not without the zone, and no vehicle
+stands still for more than five minutes (SUMO teleports it then).
+"""
+
+import argparse
+import csv
+import random
+import subprocess
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import shapely
+from closed_ground import closed_ground, entered
+
+from wzsumo.errors import InputError
+from wzsumo.placement.configuration import Configuration
+from wzsumo.placement.net import Net, NetEdge
+from wzsumo.placement.placement import Placed, place_zone, write_placement
+from wzsumo.placement.zone_file import ZoneToPlace
+from wzsumo.simulation.connection import sumo_binary
+
+COLUMNS = (
+    "network", "number", "edge", "position_m", "side", "lanes", "outcome", "why", "zone_m", "edges", "cut_edges",
+    "elements_changed_beside", "over_devices", "teleports", "teleports_original", "arrived", "arrived_original", "cpu_place_s",
+)  # fmt: skip
+WATCHED_M = 20.0  # around the closed ground: farther than a vehicle is long
+
+
+def main() -> None:
+    args = _arguments()
+    net, configuration = Net.read(args.net), _configuration(args)
+    rng = random.Random(args.seed)  # noqa: S311 places, not secrets
+    edges = [edge for edge in net.edges.values() if _can_be_drawn(edge, args.min_speed)]
+    new = not args.out.exists()
+    original: dict[str, int] = {}
+    with args.out.open("a", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, restval="")
+        if new:
+            writer.writeheader()
+        for number in range(args.n):
+            place = _draw(edges, rng)
+            row = {"network": args.name, "number": number, "edge": place[0].id, "position_m": round(place[1], 1),
+                   "side": place[2], "lanes": place[3]}  # fmt: skip
+            with tempfile.TemporaryDirectory() as folder:
+                row |= _try(net, configuration, place, args, Path(folder), original)
+            writer.writerow(row)
+            file.flush()
+            print(row, flush=True)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("net", type=Path)
+    parser.add_argument("--sumocfg", type=Path)
+    parser.add_argument("--routes", type=Path, nargs="*", default=[])
+    parser.add_argument("--name", required=True)
+    parser.add_argument("--n", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--begin", type=float, default=0.0)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--work-ft", type=float, default=300.0)
+    parser.add_argument("--speed-mph", type=float, help="posted; default: the network's")
+    parser.add_argument("--min-speed", type=float, default=0.0, help="of the edges [m/s]")
+    parser.add_argument("--out", type=Path, required=True)
+    return parser.parse_args()
+
+
+def _configuration(args: argparse.Namespace) -> Configuration:
+    if args.sumocfg:
+        return Configuration.read(args.sumocfg, net=args.net)
+    return Configuration.of_files(args.net, args.routes, [])
+
+
+def _can_be_drawn(edge: NetEdge, min_speed: float) -> bool:
+    roadway = [lane for lane in edge.lanes if lane.is_roadway]
+    return not edge.is_internal and len(roadway) > 1 and float(roadway[-1].element.get("speed")) >= min_speed
+
+
+def _draw(edges: list[NetEdge], rng: random.Random) -> tuple[NetEdge, float, Any, int]:
+    (edge,) = rng.choices(edges, [edge.length for edge in edges])
+    n_lanes = sum(lane.is_roadway for lane in edge.lanes)
+    return edge, rng.uniform(0, edge.length), rng.choice(["left", "right"]), rng.choice([1, 2] if n_lanes > 2 else [1])
+
+
+def _try(
+    net: Net, configuration: Configuration, place: tuple[NetEdge, float, Any, int], args: argparse.Namespace, folder: Path,
+    original: dict[str, int],
+) -> dict[str, Any]:  # fmt: skip
+    edge, position, side, lanes = place
+    keys = {"closed_lanes": list(range(lanes)), "work_length_ft": args.work_ft}
+    keys |= {"posted_speed_mph": args.speed_mph} if args.speed_mph else {}
+    began = time.process_time()
+    try:
+        placed = place_zone(net, ZoneToPlace(work_zone=keys), edge_id=edge.id, position=position, side=side)
+        write_placement(placed, configuration, folder)
+    except InputError as error:
+        return {"outcome": "refused", "why": str(error), "cpu_place_s": round(time.process_time() - began, 2)}
+    row = {
+        "zone_m": round(placed.layout.end - placed.layout.start), "edges": len(placed.corridor.links),
+        "cut_edges": len(placed.plan.cuts), "cpu_place_s": round(time.process_time() - began, 2),
+        "elements_changed_beside": _changed_beside(placed, configuration.net, folder),
+    }  # fmt: skip
+    if not original:
+        original |= _run(folder / "original", args, None)[0]
+    ran, over = _run(folder / "closed", args, folder / "layout.geojson")
+    row |= {"over_devices": over, "teleports_original": original.get("teleports", 0),
+            "arrived_original": original.get("arrived", 0)} | ran  # fmt: skip
+    works = not over and not row["elements_changed_beside"] and "why" not in ran and ran["teleports"] <= original["teleports"]
+    return row | {"outcome": "works" if works else "failed"}
+
+
+def _run(folder: Path, args: argparse.Namespace, layout: Path | None) -> tuple[dict[str, Any], int]:
+    """(what SUMO counted, vehicles over the closed ground); the reason where it stopped."""
+    statistics, fcd = folder / "statistics.xml", folder / "fcd.xml"
+    end = str(args.begin + args.seconds)
+    options = [
+        "-c", str(folder / "run.sumocfg"), "--end", end, "--statistic-output", str(statistics), "--no-step-log",
+        "--no-warnings", "--xml-validation", "never", "--duration-log.statistics",
+    ]  # fmt: skip
+    if layout:
+        watched = closed_ground(layout).envelope.buffer(WATCHED_M)
+        shape = " ".join(f"{x:.1f},{y:.1f}" for x, y in shapely.get_coordinates(watched))
+        (folder / "watched.add.xml").write_text(f'<additional><poly id="watched" shape="{shape}" color="red"/></additional>')
+        config = folder / "run.sumocfg"
+        config.write_text(config.read_text().replace("wzsumo.zone.add.xml", "wzsumo.zone.add.xml,watched.add.xml"))
+        options += [
+            "--fcd-output",
+            str(fcd),
+            "--fcd-output.filter-shapes",
+            "watched",
+            "--fcd-output.attributes",
+            "x,y,angle,type",
+        ]
+    done = subprocess.run([str(sumo_binary("sumo")), *options], capture_output=True, text=True, check=False)
+    if done.returncode:
+        return {"why": " ".join(done.stderr.split())[:300], "teleports": -1, "arrived": -1}, -1
+    root = ET.parse(statistics).getroot()  # noqa: S314 a file that SUMO has just written
+    teleports, vehicles = root.find("teleports"), root.find("vehicles")
+    assert teleports is not None
+    assert vehicles is not None
+    counted = {"teleports": int(teleports.get("total", 0)),
+               "arrived": int(vehicles.get("inserted", 0)) - int(vehicles.get("running", 0))}  # fmt: skip
+    return counted, len(entered(fcd, layout)) if layout else 0
+
+
+def _changed_beside(placed: Placed, net: Path, folder: Path) -> int:
+    """Elements of the network that `open` has not as they were, though they name no edge that was cut."""
+    gone = _elements(net) - _elements(folder / "open" / net.name)
+    cut = {cut.edge.id for cut in placed.plan.cuts}
+    return sum(n for key, n in gone.items() if not cut & {part for word in key[1:] for part in _names(word)})
+
+
+def _elements(path: Path) -> Counter[tuple[str, ...]]:
+    root = ET.parse(path).getroot()  # noqa: S314
+    return Counter((e.tag, *(f"{k}={v}" for k, v in sorted(e.attrib.items()))) for e in root.iter() if e is not root)
+
+
+def _names(word: str) -> set[str]:
+    """Ids of edges that an attribute may name: as they are, or as those of lanes."""
+    ids = word.partition("=")[2].split()
+    return {*ids, *(id_.rpartition("_")[0] for id_ in ids)}
+
+
+if __name__ == "__main__":
+    main()
