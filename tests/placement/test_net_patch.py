@@ -105,7 +105,7 @@ def test_closed_lane_ends_in_the_taper_and_opens_again_behind_the_downstream_tap
     # 208 m of taper for 10.5 ft at 65 mph; the last 2.44 m of 3.2 m are reached after 0.76 / 3.2 of it.
     assert cut.positions[0] == 300.0
     assert cut.positions[1] == pytest.approx(300 + 208.0 * 0.7616 / 3.2, abs=0.05)
-    end = 300 + 208.0 + 645 * 0.3048 + 500 * 0.3048 + 100 * 0.3048
+    end = 300 + 208.0 + 645 * 0.3048 + 500 * 0.3048 + 100 * 0.3048 + 16.5  # a truck with trailer past the last device
     assert cut.positions[2] == pytest.approx(end, abs=0.05)
 
 

@@ -96,7 +96,7 @@ def trips(name: str) -> pd.DataFrame:
 
 def test_three_configurations_keep_the_given_one_but_for_the_names_of_files() -> None:
     out, figures = placed_freeway()
-    assert figures["cuts"] == {"m3": {"pieces": ["m3.wz0", "m3.wz1", "m3.wz2", "m3.wz3"], "at_m": [300.0, 349.5, 887.48]}}
+    assert figures["cuts"] == {"m3": {"pieces": ["m3.wz0", "m3.wz1", "m3.wz2", "m3.wz3"], "at_m": [300.0, 349.5, 903.98]}}
     for name, additionals in (
         ("original", "detectors.add.xml"),
         ("open", "wzsumo.vtype.add.xml,detectors.add.xml"),

@@ -14,10 +14,12 @@ from wzsumo.frames import FloatArray
 from wzsumo.placement.chain import Link
 from wzsumo.placement.corridor import Corridor
 from wzsumo.placement.cuts import SHORTEST_PIECE_M, CutEdge
-from wzsumo.units import METRES_PER_FOOT
+from wzsumo.simulation.stretches import passable_end
 from wzsumo.work_zone import OpenLane, WorkZoneLayout
 
-PASSABLE_WIDTH_M = 8 * METRES_PER_FOOT  # a closing lane ends where it is narrower: a car just fits; chosen by us
+# From the last device to where a closed lane opens: SUMO's vehicles change lanes from one moment to the next, and the tail of
+# one that has just passed would sweep over the devices. A truck with trailer (SUMO docs, Vehicle Type Parameter Defaults).
+LONGEST_VEHICLE_M = 16.5
 SAME_PLACE_M = 0.5  # cuts nearer to each other than this are one
 MOVED_M = 0.01  # a lane that lies this far off its place on the road is moved; SUMO's resolution
 
@@ -68,7 +70,7 @@ def plan_lanes(corridor: Corridor, layout: WorkZoneLayout) -> LanePlan:
         start, end, changes = 0.0, np.inf, np.inf
         moves = _moves(lane)
         if lane.start > 0:
-            start = cuts.later(lane.start)
+            start = cuts.later(lane.start + LONGEST_VEHICLE_M)
             stations.append(start)
         elif moves and lane.end < layout.road.length:
             first, end = cuts.earlier(moves[0]), cuts.earlier(passable_end(lane))
@@ -83,13 +85,6 @@ def plan_lanes(corridor: Corridor, layout: WorkZoneLayout) -> LanePlan:
     return LanePlan(
         corridor=corridor, layout=layout, courses=tuple(courses), cuts=cuts.edges(), span=span, taper_spans=tuple(tapers)
     )
-
-
-def passable_end(lane: OpenLane) -> float:
-    """Station [m] where a closing lane is down to PASSABLE_WIDTH_M."""
-    s = np.unique(np.concatenate([lane.left.stations, lane.right.stations, [lane.end]]))
-    s = s[(s >= lane.start) & (s <= lane.end)]
-    return float(np.interp(-PASSABLE_WIDTH_M, -(lane.left(s) - lane.right(s)), s))
 
 
 def middle_of(lane: OpenLane, stations: FloatArray) -> FloatArray:

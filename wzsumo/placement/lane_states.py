@@ -10,11 +10,11 @@ from wzsumo.placement.chain import Link
 from wzsumo.placement.cuts import CutEdge, text_of_shape
 from wzsumo.placement.lane_plan import MOVED_M, Course, LanePlan, middle_of, width_of
 from wzsumo.placement.net import NetLane, allows, decimals_of, parse_heights
+from wzsumo.simulation.network import UNUSED_VEHICLE_CLASS
+from wzsumo.simulation.stretches import NO_CHANGE_AHEAD_OF_GORE_M
 
-UNUSED_CLASS = "custom1"  # SUMO's class for uses of one's own: a lane that allows it alone bars all traffic
 # Wider than a closing lane at its end, 8 ft: they merge ahead of the taper (SUMO docs, Vehicle Type Parameter Defaults).
 WIDE_CLASSES = ("bus", "coach", "truck", "trailer")
-NO_CHANGE_AHEAD_M = 100.0  # of the place where two lanes part: a lane change takes some 4 s, 100 m at 25 m/s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,7 +106,7 @@ class ClosedLanes:
                     lanes[lane.index] = changes
             elif self._touches(start, end):
                 barred.add(lane.index)
-                lanes[lane.index] = {"allow": UNUSED_CLASS, "disallow": None}
+                lanes[lane.index] = {"allow": UNUSED_VEHICLE_CLASS, "disallow": None}
             else:
                 courses[lane.index] = self._unchanged(place, middle)
         for index, changes in self._barred_changes(courses, start, end).items():
@@ -148,15 +148,15 @@ class ClosedLanes:
     def _barred_changes(self, courses: dict[int, Course], start: float, end: float) -> dict[int, dict[str, str | None]]:
         """Bars lane changes between neighbours that closed ground parts here or soon."""
         changes: dict[int, dict[str, str | None]] = {}
-        stations = np.array([start, end, end + NO_CHANGE_AHEAD_M])
+        stations = np.array([start, end, end + NO_CHANGE_AHEAD_OF_GORE_M])
         for index, course in courses.items():
             beside = courses.get(index + 1)
             if beside is None or not self._touches(start, end):
                 continue
             there = stations[(stations < course.end) & (stations < beside.end)]
             if len(there) and float((beside.lane.right(there) - course.lane.left(there)).max()) > MOVED_M:
-                changes.setdefault(index, {})["changeLeft"] = UNUSED_CLASS
-                changes.setdefault(index + 1, {})["changeRight"] = UNUSED_CLASS
+                changes.setdefault(index, {})["changeLeft"] = UNUSED_VEHICLE_CLASS
+                changes.setdefault(index + 1, {})["changeRight"] = UNUSED_VEHICLE_CLASS
         return changes
 
 
@@ -164,6 +164,6 @@ def without_wide_classes(attributes: dict[str, str]) -> dict[str, str | None]:
     """The permissions of a lane without the classes that are wider than it."""
     if (allowed := attributes.get("allow")) and allowed != "all":
         left = [name for name in allowed.split() if name not in WIDE_CLASSES]
-        return {"allow": " ".join(left) or UNUSED_CLASS}
+        return {"allow": " ".join(left) or UNUSED_VEHICLE_CLASS}
     barred = [*attributes.get("disallow", "").split(), *(name for name in WIDE_CLASSES if allows(attributes, name))]
     return {"allow": None, "disallow": " ".join(barred)}

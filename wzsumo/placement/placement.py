@@ -14,7 +14,7 @@ from wzsumo.placement.corridor import Corridor, find_corridor
 from wzsumo.placement.demand_files.edge_rules import EDGE_RULES
 from wzsumo.placement.demand_files.lane_rules import LANE_RULES
 from wzsumo.placement.demand_files.rewriting import Rewriting
-from wzsumo.placement.demand_files.vehicle_rules import LOOKAHEAD_M, VEHICLE_RULES
+from wzsumo.placement.demand_files.vehicle_rules import VEHICLE_RULES
 from wzsumo.placement.demand_files.vehicles import DEFAULT_TYPE as DEFAULT_VEHICLE_TYPE
 from wzsumo.placement.demand_files.vehicles import Demand
 from wzsumo.placement.lane_plan import LanePlan, plan_lanes
@@ -27,6 +27,7 @@ from wzsumo.placement.refusals import check_corridor, check_cuts
 from wzsumo.placement.xml_file import XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace, on_side
 from wzsumo.road import Road, RoadSpec
+from wzsumo.simulation.demand import LOOK_AHEAD_M
 from wzsumo.simulation.files import write_drawing
 from wzsumo.units import feet_from_metres
 from wzsumo.work_zone import Side, WorkZone, WorkZoneLayout
@@ -153,7 +154,7 @@ def _check_routes(placed: Placed, demand: Demand) -> list[str]:
 def _default_type_text() -> str:
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<additional>\n'
-        f'    <vType id="{DEFAULT_VEHICLE_TYPE}" lcStrategicLookahead="{LOOKAHEAD_M:.0f}"/>\n</additional>\n'
+        f'    <vType id="{DEFAULT_VEHICLE_TYPE}" lcStrategicLookahead="{LOOK_AHEAD_M:.0f}"/>\n</additional>\n'
     )
 
 

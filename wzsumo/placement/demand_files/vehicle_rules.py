@@ -7,17 +7,16 @@ from wzsumo.placement.demand_files.edge_rules import list_pieces
 from wzsumo.placement.demand_files.rewriting import RewrittenFile, Rule, from_start
 from wzsumo.placement.demand_files.vehicles import number_in, vehicles_of
 from wzsumo.placement.xml_file import Element
+from wzsumo.simulation.demand import LOOK_AHEAD_M
 
-# Lets drivers see as far as on uncut edges, see docs/method/placement.md.
-LOOKAHEAD_M = 20_000.0
 _LOOKAHEAD = "lcStrategicLookahead"
 Values = dict[str, str | None]
 
 
 def widen_lookahead(file: RewrittenFile, element: Element, _: Element | None) -> None:
     """A vType's drivers look ahead over the cuts."""
-    if (number_in(element.get(_LOOKAHEAD)) or 0.0) < LOOKAHEAD_M:
-        file.set(element, {_LOOKAHEAD: f"{LOOKAHEAD_M:.0f}"}, "drivers look ahead over the cuts")
+    if (number_in(element.get(_LOOKAHEAD)) or 0.0) < LOOK_AHEAD_M:
+        file.set(element, {_LOOKAHEAD: f"{LOOK_AHEAD_M:.0f}"}, "drivers look ahead over the cuts")
 
 
 def rewrite_route(file: RewrittenFile, element: Element, _: Element | None) -> None:
