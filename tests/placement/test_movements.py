@@ -39,6 +39,16 @@ def test_way_on_that_leads_beside_a_closed_lane_goes_on_on_its_own_side() -> Non
 EXIT_ROUTE = "m1 m2-AddedOnRampEdge m2 m3 m3-AddedOffRampEdge off"
 
 
+def test_ramp_that_joins_behind_closed_ground_loses_its_way() -> None:
+    # The right lane closes ahead of the on-ramp, whose own lane ends 100 m on, on the far side of the closed ground.
+    assert ("on", "m2-AddedOnRampEdge", "m2") in lost(right_lane_past_the_ramp())
+    assert ("m1", "m2-AddedOnRampEdge", "m2") not in lost(right_lane_past_the_ramp())
+
+
+def right_lane_past_the_ramp() -> Placed:
+    return placed_on_freeway("m1", 700.0, closed_lanes=[0])
+
+
 @pytest.mark.parametrize(
     ("content", "count"),
     [

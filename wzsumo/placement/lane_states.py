@@ -1,6 +1,5 @@
 """What the zone makes of each SUMO lane of the corridor: closed, bent, narrowed, or left as it is."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,6 +14,7 @@ from wzsumo.simulation.stretches import NO_CHANGE_AHEAD_OF_GORE_M
 
 # Wider than a closing lane at its end, 8 ft: they merge ahead of the taper (SUMO docs, Vehicle Type Parameter Defaults).
 WIDE_CLASSES = ("bus", "coach", "truck", "trailer")
+Attributes = dict[str, str | None]  # new values, None for those that go
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,7 +24,7 @@ class Piece:
     link: Link
     number: int
     id: str
-    lanes: dict[int, dict[str, str | None]] = field(default_factory=dict)
+    lanes: dict[int, Attributes] = field(default_factory=dict)
     barred: frozenset[int] = frozenset()  # lane indices
     courses: dict[int, Course] = field(default_factory=dict)  # by lane index
     middle: float = 0.0  # station [m]
@@ -48,23 +48,25 @@ class ClosedLanes:
         return pieces
 
     @cached_property
-    def via_lanes(self) -> dict[str, dict[str, str | None]]:
-        """New attributes of the internal lanes that the zone moves, by their ids."""
-        return {lane.id: changes for _, _, lane, changes in self._via_lanes() if changes}
+    def via_lanes(self) -> dict[str, Attributes]:
+        """New attributes of the internal lanes that the zone closes or moves, by their ids.
 
-    @cached_property
-    def barred_via_lanes(self) -> frozenset[str]:
-        """Internal lanes that lead nowhere but to a closed lane."""
+        Closed ones are barred: SUMO's vehicles change lanes within a junction, too.
+        """
+        changed: dict[str, Attributes] = {}
         corridor = self.plan.corridor
-        found = set()
         for link in corridor.links:
             for place, slot in enumerate(corridor.slots):
-                if slot in link.onward:
-                    for lane in corridor.net.via_lanes(link.onward[slot]):
-                        middle = corridor.station_of(lane, lane.length / 2)
-                        if self._touches(middle, middle) and self.plan.course_at(place, middle) is None:
-                            found.add(lane.id)
-        return frozenset(found)
+                for lane in corridor.net.via_lanes(link.onward[slot]) if slot in link.onward else []:
+                    start, end = corridor.station_of(lane, 0.0), corridor.station_of(lane, lane.length)
+                    if self._touches(start, end) and end > start:
+                        changed[lane.id] = self._state(self.plan.course_at(place, (start + end) / 2), place, lane, start, end)
+        return {id_: changes for id_, changes in changed.items() if changes}
+
+    @property
+    def barred_via_lanes(self) -> frozenset[str]:
+        """Ids of the internal lanes that are closed."""
+        return frozenset(id_ for id_, changes in self.via_lanes.items() if changes.get("allow") == UNUSED_VEHICLE_CLASS)
 
     def leads_to(self, piece: Piece, following: Piece) -> dict[int, int]:
         """Lane index on the next piece of the same edge by lane index: which lanes go on at a cut, and where."""
@@ -93,30 +95,33 @@ class ClosedLanes:
     def _piece(self, cut: CutEdge, link: Link, number: int, id_: str) -> Piece:
         start, end = self._stations(cut, link.lane(max(link.lanes)), number)
         middle = (start + end) / 2
-        lanes: dict[int, dict[str, str | None]] = {}
+        lanes: dict[int, Attributes] = {}
         barred, courses = set(), {}
         for place, slot in enumerate(self.plan.corridor.slots):
             if slot not in link.lanes:
                 continue
             lane = link.lane(slot)
-            course = self.plan.course_at(place, middle) if self._touches(start, end) else None
+            course = self.plan.course_at(place, middle)
             if course is not None:
                 courses[lane.index] = course
-                if changes := self._bent(course, place, lane, *self._stations(cut, lane, number)):
-                    lanes[lane.index] = changes
-            elif self._touches(start, end):
+            if not self._touches(start, end):
+                continue
+            if course is None:
                 barred.add(lane.index)
-                lanes[lane.index] = {"allow": UNUSED_VEHICLE_CLASS, "disallow": None}
-            else:
-                courses[lane.index] = self._unchanged(place, middle)
-        for index, changes in self._barred_changes(courses, start, end).items():
+            if changes := self._state(course, place, lane, *self._stations(cut, lane, number)):
+                lanes[lane.index] = changes
+        barred_changes = self._barred_changes(courses, start, end) | self._barred_from_beside(link, start, end)
+        for index, changes in barred_changes.items():
             lanes[index] = lanes.get(index, {}) | changes
         return Piece(link=link, number=number, id=id_, lanes=lanes, barred=frozenset(barred), courses=courses, middle=middle)
 
-    def _unchanged(self, place: int, station: float) -> Course:
-        return next(c for c in self.plan.courses if c.place_at(station) == place)  # outside the zone every lane is open
+    def _state(self, course: Course | None, place: int, lane: NetLane, start: float, end: float) -> Attributes:
+        """New attributes of a lane from one station to another: barred where no lane of the layout uses it."""
+        if course is None:
+            return {"allow": UNUSED_VEHICLE_CLASS, "disallow": None}
+        return self._bent(course, place, lane, start, end)
 
-    def _bent(self, course: Course, place: int, lane: NetLane, start: float, end: float) -> dict[str, str | None]:
+    def _bent(self, course: Course, place: int, lane: NetLane, start: float, end: float) -> Attributes:
         """New shape and width of a lane where the zone moves or narrows it, and the classes that it is then too narrow for."""
         road, shape = self.plan.corridor.road, lane.element.get("shape")
         stations = np.unique(np.concatenate([road.stations, course.lane.left.stations, course.lane.right.stations]))
@@ -129,25 +134,16 @@ class ClosedLanes:
         if (heights := parse_heights(shape)) is not None:
             share = (stations - start) / max(end - start, 1e-9)
             points = np.column_stack([points, np.interp(share, np.linspace(0, 1, len(heights)), heights)])
-        changes: dict[str, str | None] = {"shape": text_of_shape(points, decimals=decimals_of(shape))}
+        changes: Attributes = {"shape": text_of_shape(points, decimals=decimals_of(shape))}
         if narrower:
             changes["width"] = f"{width:.2f}"
         if np.isfinite(course.end):
             changes |= without_wide_classes(lane.element.attributes)
         return changes
 
-    def _via_lanes(self) -> Iterator[tuple[int, Link, NetLane, dict[str, str | None]]]:
-        corridor = self.plan.corridor
-        for link in corridor.links:
-            for place, slot in enumerate(corridor.slots):
-                for lane in corridor.net.via_lanes(link.onward[slot]) if slot in link.onward else []:
-                    start, end = corridor.station_of(lane, 0.0), corridor.station_of(lane, lane.length)
-                    course = self.plan.course_at(place, (start + end) / 2) if self._touches(start, end) else None
-                    yield place, link, lane, self._bent(course, place, lane, start, end) if course and end > start else {}
-
-    def _barred_changes(self, courses: dict[int, Course], start: float, end: float) -> dict[int, dict[str, str | None]]:
+    def _barred_changes(self, courses: dict[int, Course], start: float, end: float) -> dict[int, Attributes]:
         """Bars lane changes between neighbours that closed ground parts here or soon."""
-        changes: dict[int, dict[str, str | None]] = {}
+        changes: dict[int, Attributes] = {}
         stations = np.array([start, end, end + NO_CHANGE_AHEAD_OF_GORE_M])
         for index, course in courses.items():
             beside = courses.get(index + 1)
@@ -159,8 +155,30 @@ class ClosedLanes:
                 changes.setdefault(index + 1, {})["changeRight"] = UNUSED_VEHICLE_CLASS
         return changes
 
+    def _barred_from_beside(self, link: Link, start: float, end: float) -> dict[int, Attributes]:
+        """Bars lane changes between the road and lanes beside it, such as a ramp's, where closed ground lies between them."""
+        changes: dict[int, Attributes] = {}
+        slots, road = self.plan.corridor.slots, self.plan.corridor.road
+        s = np.linspace(start, end, 20)
+        for strip in self.plan.layout.closed_strips:
+            there = s[(s >= strip.start) & (s <= strip.end)]
+            if not len(there):
+                continue
+            rightmost, leftmost = link.lanes.get(slots[0]), link.lanes.get(slots[-1])
+            if rightmost and float(strip.right(there).min()) <= MOVED_M:
+                changes[rightmost - 1] = {"changeLeft": UNUSED_VEHICLE_CLASS}
+                changes[rightmost] = {"changeRight": UNUSED_VEHICLE_CLASS}
+            if (
+                leftmost is not None
+                and leftmost + 1 < len(link.edge.lanes)
+                and (float(strip.left(there).max()) >= road.travelled_width - MOVED_M)
+            ):
+                changes[leftmost + 1] = {"changeRight": UNUSED_VEHICLE_CLASS}
+                changes[leftmost] = {"changeLeft": UNUSED_VEHICLE_CLASS}
+        return changes
 
-def without_wide_classes(attributes: dict[str, str]) -> dict[str, str | None]:
+
+def without_wide_classes(attributes: dict[str, str]) -> Attributes:
     """The permissions of a lane without the classes that are wider than it."""
     if (allowed := attributes.get("allow")) and allowed != "all":
         left = [name for name in allowed.split() if name not in WIDE_CLASSES]

@@ -9,6 +9,7 @@ from wzsumo.errors import PlacementError, SpecError
 from wzsumo.files.layout import write_layout
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.placement.change import Change
+from wzsumo.placement.clear_ground import check_clear_ground
 from wzsumo.placement.configuration import DEFAULT_TYPE, DRAWING, Configuration, ConfigurationFolder
 from wzsumo.placement.corridor import Corridor, find_corridor
 from wzsumo.placement.demand_files.edge_rules import EDGE_RULES
@@ -23,7 +24,7 @@ from wzsumo.placement.movements import lost_movements, vehicles_on
 from wzsumo.placement.net import Net
 from wzsumo.placement.net_patch import NetPatch
 from wzsumo.placement.place_on_net import edge_at, known_frame
-from wzsumo.placement.refusals import check_corridor, check_cuts
+from wzsumo.placement.refusals import check_cuts, check_signals
 from wzsumo.placement.xml_file import XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace, on_side
 from wzsumo.road import Road, RoadSpec
@@ -70,7 +71,8 @@ def place_zone(net: Net, zone: ZoneToPlace, *, edge_id: str, position: float, si
     plan = plan_lanes(corridor, layout)
     check_cuts(plan.cuts)
     closed = ClosedLanes(plan=plan)
-    check_corridor(plan, closed)
+    check_signals(plan)
+    check_clear_ground(plan, closed)
     return Placed(plan=plan, closed=closed, doubts=tuple(doubts))
 
 
