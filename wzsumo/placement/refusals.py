@@ -1,7 +1,5 @@
 """Places at which a zone cannot stand, each refused in one line with edge, rule and remedy."""
 
-
-
 from wzsumo.errors import PlacementError
 from wzsumo.placement.cuts import CutEdge
 from wzsumo.placement.lane_plan import LanePlan
