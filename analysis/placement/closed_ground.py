@@ -1,6 +1,5 @@
 """Vehicles that drive over the ground that a placed zone closes, counted from SUMO's own FCD output."""
 
-import json
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -12,9 +11,9 @@ TOUCH_M = 0.1  # a vehicle that touches the line of devices by less is beside it
 CAR = (5.0, 1.8)  # SUMO's passenger car, length and width [m]
 
 
-def entered(fcd: Path, layout: Path, *, sizes: dict[str, tuple[float, float]] | None = None) -> set[str]:
+def entered(fcd: Path, placed: Path, *, sizes: dict[str, tuple[float, float]] | None = None) -> set[str]:
     """Ids of the vehicles whose outline reached into the closed ground. `sizes`: (length, width) [m] by vehicle type."""
-    ground = closed_ground(layout)
+    ground = closed_ground(placed)
     core = ground.buffer(-TOUCH_M)
     shapely.prepare(core)
     left, low, right, high = ground.bounds
@@ -32,10 +31,12 @@ def entered(fcd: Path, layout: Path, *, sizes: dict[str, tuple[float, float]] | 
     return found
 
 
-def closed_ground(layout: Path) -> BaseGeometry:
-    """The ground that the devices of a layout.geojson fence off."""
-    features = json.loads(layout.read_text())["features"]
-    return next(shapely.geometry.shape(f["geometry"]) for f in features if f["properties"]["name"] == "closed_area")
+def closed_ground(placed: Path) -> BaseGeometry:
+    """The ground that the devices fence off, in the network's metres, as a folder of `wzsumo place` draws it."""
+    drawing = ET.parse(placed / "closed" / "wzsumo.zone.add.xml")  # noqa: S314
+    shapes = [poly.get("shape", "") for poly in drawing.iter("poly") if poly.get("type") == "closed_area"]
+    polygons = [shapely.Polygon([tuple(map(float, point.split(","))) for point in shape.split()]) for shape in shapes]
+    return shapely.union_all(polygons)
 
 
 def outline(x: float, y: float, angle_deg: float, length: float, width: float) -> shapely.Polygon:

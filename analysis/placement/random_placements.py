@@ -111,14 +111,14 @@ def _try(
     }  # fmt: skip
     if not original:
         original |= _run(folder / "original", args, None)[0]
-    ran, over = _run(folder / "closed", args, folder / "layout.geojson")
+    ran, over = _run(folder / "closed", args, folder)
     row |= {"over_devices": over, "teleports_original": original.get("teleports", 0),
             "arrived_original": original.get("arrived", 0)} | ran  # fmt: skip
     works = not over and not row["elements_changed_beside"] and "why" not in ran and ran["teleports"] <= original["teleports"]
     return row | {"outcome": "works" if works else "failed"}
 
 
-def _run(folder: Path, args: argparse.Namespace, layout: Path | None) -> tuple[dict[str, Any], int]:
+def _run(folder: Path, args: argparse.Namespace, placed: Path | None) -> tuple[dict[str, Any], int]:
     """(what SUMO counted, vehicles over the closed ground); the reason where it stopped."""
     statistics, fcd = folder / "statistics.xml", folder / "fcd.xml"
     end = str(args.begin + args.seconds)
@@ -126,8 +126,8 @@ def _run(folder: Path, args: argparse.Namespace, layout: Path | None) -> tuple[d
         "-c", str(folder / "run.sumocfg"), "--end", end, "--statistic-output", str(statistics), "--no-step-log",
         "--no-warnings", "--xml-validation", "never", "--duration-log.statistics",
     ]  # fmt: skip
-    if layout:
-        watched = closed_ground(layout).envelope.buffer(WATCHED_M)
+    if placed:
+        watched = closed_ground(placed).envelope.buffer(WATCHED_M)
         shape = " ".join(f"{x:.1f},{y:.1f}" for x, y in shapely.get_coordinates(watched))
         (folder / "watched.add.xml").write_text(f'<additional><poly id="watched" shape="{shape}" color="red"/></additional>')
         config = folder / "run.sumocfg"
@@ -149,7 +149,7 @@ def _run(folder: Path, args: argparse.Namespace, layout: Path | None) -> tuple[d
     assert vehicles is not None
     counted = {"teleports": int(teleports.get("total", 0)),
                "arrived": int(vehicles.get("inserted", 0)) - int(vehicles.get("running", 0))}  # fmt: skip
-    return counted, len(entered(fcd, layout)) if layout else 0
+    return counted, len(entered(fcd, placed)) if placed else 0
 
 
 def _changed_beside(placed: Placed, net: Path, folder: Path) -> int:
