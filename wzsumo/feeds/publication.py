@@ -43,12 +43,43 @@ class FeedDetails:
 
 
 @dataclass(frozen=True, kw_only=True)
+class VerifiedZone:
+    """Where a map shows a zone to start and end [m along its axis], with standard deviations [m], and the lanes it closes.
+
+    A deviation is infinite where the map ends before the zone does. `shifted` are lanes that stay open and move aside.
+    """
+
+    start_m: float
+    end_m: float
+    start_sd_m: float
+    end_sd_m: float
+    closed_lanes: tuple[int, ...]
+    shifted: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Stretch:
     start: float
     end: float
     start_sd: float | None  # None: another stretch goes on there
     end_sd: float | None
     statuses: tuple[str, ...]  # of the lanes, from the right
+
+
+def verified_zone(lanes: LaneMap) -> VerifiedZone | None:
+    """The zone that a map shows; None where no lane is closed or shifted."""
+    stretches = _stretches(lanes)
+    if not stretches:
+        return None
+    by_lane = [{stretch.statuses[number] for stretch in stretches} for number in range(len(lanes.lanes))]
+    first, last = stretches[0], stretches[-1]
+    return VerifiedZone(
+        start_m=first.start, end_m=last.end,
+        start_sd_m=np.inf if first.start_sd is None else first.start_sd,
+        end_sd_m=np.inf if last.end_sd is None else last.end_sd,
+        closed_lanes=tuple(number for number, found in enumerate(by_lane) if "closed" in found),
+        shifted=tuple(n for n, found in enumerate(by_lane) if "closed" not in found and found != {"open"}),
+    )  # fmt: skip
 
 
 def published_zone(

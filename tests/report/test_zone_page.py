@@ -1,0 +1,56 @@
+"""The page of a mapped zone: differences with their intervals, and a drawing that is true to scale."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from builders import lane_map_of, paper_layout
+
+from wzsumo.announced_zone import AnnouncedZone
+from wzsumo.feeds.publication import VerifiedZone
+from wzsumo.files.lanes import LanesFile
+from wzsumo.geography import local_frame
+from wzsumo.report.zone_page import differences, write_zone_page, zone_page
+
+EXACT = LanesFile(lanes=lane_map_of(paper_layout()), frame=local_frame([[-83.74, 42.28]]))
+ANNOUNCED = AnnouncedZone(start_m=300.0, end_m=900.0, start_sd_m=150.0, end_sd_m=15.0, closed_lanes=(2,))
+
+
+def test_differences_are_verified_less_announced_with_an_interval_of_95_percent() -> None:
+    verified = VerifiedZone(start_m=340.0, end_m=800.0, start_sd_m=10.0, end_sd_m=20.0, closed_lanes=(2,), shifted=())
+    start, end = differences(ANNOUNCED, verified)
+    assert (start.off_m, end.off_m) == (40.0, -100.0)
+    assert start.interval_m == pytest.approx((20.4, 59.6))
+    assert end.interval_m == pytest.approx((-139.2, -60.8))
+    assert start.is_explained  # 40 m of a position that is estimated to 150 m
+    assert not end.is_explained  # 100 m where both are known to 25 m
+
+
+def test_page_sets_announced_against_verified_and_needs_no_network(tmp_path: Path) -> None:
+    write_zone_page(EXACT, tmp_path, announced=ANNOUNCED, words=["shoulders are assumed"])
+    page = (tmp_path / "zone.html").read_text()
+    assert "http" not in page
+    assert ">N</text>" in page
+    assert "shoulders are assumed" in page
+    rows = re.findall(r"<tr><td>(\d)</td><td>(\w+)</td><td>(\w+)</td>", page)
+    assert rows == [("2", "closed", "closed"), ("1", "open", "shifted"), ("0", "open", "shifted")]
+
+
+def test_scale_bar_and_corners_are_true_to_the_ground() -> None:
+    page = zone_page(EXACT, announced=None, title="t")
+    bar, metres = re.search(r"H([\d.]+) M.*?>(\d+) m</text>", page).groups()  # type: ignore[union-attr]  # there is one
+    corners = re.findall(r">(-?\d+\.\d{5}), (-?\d+\.\d{5})</text>", page)
+    width = float(re.search(r'viewBox="0 0 ([\d.]+)', page).group(1)) - 2 * 20  # type: ignore[union-attr]  # corners stand 20 units inside
+    assert EXACT.frame is not None
+    (low_lat, low_lon), (_, high_lon) = [(float(lat), float(lon)) for lat, lon in corners]
+    east = EXACT.frame.from_lonlat([[low_lon, low_lat], [high_lon, low_lat]])
+    assert np.ptp(east[:, 0]) / width == pytest.approx(float(metres) / float(bar), rel=0.01)
+
+
+def test_page_of_a_map_without_a_place_or_announcement_says_so() -> None:
+    page = zone_page(replace(EXACT, frame=None), announced=None, title="t")
+    assert "without a place on earth" in page
+    assert ">y</text>" in page
+    assert "Nothing was announced" in page
