@@ -82,10 +82,9 @@ def build_map(
     fixes = fixes_from(traces)
     usable = usable_traces(fixes.table, source="traces").traces
     before = read_road(road_file, usable, source="traces", frame=fixes.frame, utc=fixes.utc)
-    grid, _ = map_of_traces(
+    return map_of_traces(
         usable, chosen, source="traces", seed=seed, resolution_m=resolution_m, before=before, progress=quiet_progress
-    )
-    return grid
+    ).grid
 
 
 def plan(

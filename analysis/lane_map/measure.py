@@ -141,7 +141,7 @@ def row_of(case: Case, *, joined: bool, method: str, seed: int) -> dict[str, Any
         usable = usable_traces(case.traces, source="traces").traces
         if before:
             check_on_road(usable, before, source="traces", road_source="road")
-        grid, learned = map_of_traces(
+        grid, learned, _ = map_of_traces(
             usable,
             crowd_method(method, road=None),
             source="traces",

@@ -9,9 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from builders import lane_map_of, paper_layout
 
+from wzsumo.case.map_method import MadeMap, MapTask, TracesMethod
+from wzsumo.case.methods import METHODS, register
 from wzsumo.cli import main
 from wzsumo.files.frame import read_frame
+from wzsumo.files.lanes import read_lanes
 from wzsumo.files.ros_map import read_map
 from wzsumo.geography import LocalFrame, local_frame
 from wzsumo.simulation.connection import sumo_binary
@@ -161,3 +165,27 @@ def test_road_in_metres_of_no_place_is_refused_for_traces_that_have_one(
     assert "give road.crs" in err
     road.write_text("\n".join(lines).replace("CRS", f'crs = "{PLACE.crs}"'))
     assert run_map(capsys, tmp_path, traces, "--road", road)[0] == 0
+
+
+def test_lanes_of_a_method_are_written_with_their_place_and_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], net_file: Path
+) -> None:
+    exact = lane_map_of(paper_layout())
+
+    def make(_traces: pd.DataFrame, task: MapTask) -> MadeMap:
+        return MadeMap(task.cells, {}, exact)
+
+    register(TracesMethod(name="known_lanes", title="lanes that are known", make=make, cpu_s=1.0))
+    try:
+        zone = feed_file(tmp_path / "feed.geojson")
+        words = ("--road", net_file, "--zone", zone, "--method", "known_lanes")
+        code, figures, _ = run_map(capsys, tmp_path, provider_file(tmp_path / "t.csv"), *words)
+    finally:
+        del METHODS["known_lanes"]
+    assert code == 0
+    back = read_lanes(tmp_path / "out" / "lanes.geojson")
+    assert (back.frame, back.utc) == (PLACE, True)
+    assert len(back.lanes.lanes) == 3
+    assert figures["verified"]["closed_lanes"] == [2]
+    assert figures["verified"]["start_sd_m"] < 5
+    assert "Verified less announced" in (tmp_path / "out" / "zone.html").read_text()

@@ -17,6 +17,7 @@ from wzsumo.crowd_mapping.course.reference_line import reference_line_from_trace
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, cells_inside
+from wzsumo.lane_map import LaneMap
 from wzsumo.lidar_mapping.slam_map import SlamMaps
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.road_before import with_road_outside
@@ -47,10 +48,11 @@ class MapTask:
 
 
 class MadeMap(NamedTuple):
-    """A map, and figures of what its method learned."""
+    """A map, figures of what its method learned, and the lanes that it is a raster of where the method knows lanes."""
 
     grid: OccupancyGrid
     figures: dict[str, Any]
+    lanes: LaneMap | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,8 +124,8 @@ class TracesMethod(CrowdMethod):
 
     def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
         """The map of the traces; outside the announced zone the lanes of a known road are free."""
-        grid, figures = self.make(traces, task)
-        return MadeMap(with_road_outside(grid, task.before) if task.before else grid, figures)
+        made = self.make(traces, task)
+        return made._replace(grid=with_road_outside(made.grid, task.before)) if task.before else made
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

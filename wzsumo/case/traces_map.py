@@ -1,12 +1,11 @@
 """A map from a trace table: the cells around the traces, and the map that a method makes there."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from wzsumo.case.map_method import CrowdMethod, MapTask, Source
+from wzsumo.case.map_method import CrowdMethod, MadeMap, MapTask, Source
 from wzsumo.case.methods import METHODS, method_named, methods_from
 from wzsumo.case.watch import Progress
 from wzsumo.crowd_mapping.closing.map_before import MapBefore
@@ -59,14 +58,14 @@ def map_of_traces(
     resolution_m: float,
     before: MapBefore | None,
     progress: Progress,
-) -> tuple[OccupancyGrid, dict[str, Any]]:
+) -> MadeMap:
     """The map of usable traces, and what was learned of them. Raises InputError, naming `source`, where they spread too far."""
     cells = _cells_around(traces, source=source, resolution_m=resolution_m)
     half_width = float(traces["width_m"].median()) / 2 if "width_m" in traces else VehicleGeometry().width_m / 2
     with progress(f"map {method.name}", 1.0) as tell:
         task = MapTask(cells=cells, half_width_m=half_width, seed=seed, before=before, tell=tell)
-        grid, figures = method.map_of_traces(traces, task)
-    return grid, {"vehicle_width_m": 2 * half_width, **figures}
+        made = method.map_of_traces(traces, task)
+    return made._replace(figures={"vehicle_width_m": 2 * half_width, **made.figures})
 
 
 def _cells_around(traces: pd.DataFrame, *, source: str, resolution_m: float) -> OccupancyGrid:

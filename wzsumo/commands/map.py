@@ -1,6 +1,7 @@
 """The command `map`: a map from anybody's traces, what was learned of them and what was left out."""
 
 import argparse
+import math
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -16,11 +17,15 @@ from wzsumo.commands.progress import progress_bar
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
 from wzsumo.errors import InputError
+from wzsumo.feeds.publication import verified_zone
 from wzsumo.files.fixes.fixes import Fixes
 from wzsumo.files.frame import write_frame
+from wzsumo.files.lanes import LanesFile, write_lanes
 from wzsumo.files.output import staged_folder
 from wzsumo.files.ros_map import write_map
 from wzsumo.files.traces import read_fixes
+from wzsumo.lane_map import LaneMap
+from wzsumo.report.zone_page import write_zone_page
 from wzsumo.scenario.known_road import KnownRoad, announcement_along, read_known_road
 from wzsumo.scenario.road_before import check_on_road, map_before
 from wzsumo.units import METRES_PER_FOOT
@@ -71,8 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Write map.pgm, map.yaml and frame.json of the traces in files; what they are made of and what was left out.
+    """Write map.pgm and map.yaml of the traces in files; what they are made of and what was left out.
 
+    Beside them are frame.json where the map has a place on earth, lanes.geojson and zone.html where the method knows lanes.
     Raises InputError where the files make no map of one zone, and where the traces are not on the road.
     """
     method, source = crowd_method(args.method, road=args.road), " ".join(map(str, args.traces))
@@ -85,13 +91,18 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     before = None if known is None or args.road is None else map_before(known.road, known.announced)
     if before is not None:
         check_on_road(traces, before, source=source, road_source=str(args.road))
-    grid, learned = map_of_traces(
+    made = map_of_traces(
         traces, method, source=source, seed=args.seed, resolution_m=args.resolution_m, before=before, progress=progress_bar
     )
+    doubts = [*fixes.doubts, *(known.said if known else ())]
     with staged_folder(args.out) as stage:
-        write_map(grid, stage)
+        write_map(made.grid, stage)
         if fixes.frame:
             write_frame(fixes.frame, stage)
+        if made.lanes:
+            content = LanesFile(lanes=made.lanes, frame=fixes.frame, utc=fixes.utc)
+            write_lanes(content, stage)
+            write_zone_page(content, stage, announced=known.announced if known else None, words=doubts)
     return {
         "map": str(args.out / "map.yaml"),
         "frame": fixes.frame.as_json() if fixes.frame else None,
@@ -101,10 +112,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "n_fixes": n_fixes,
         "n_fixes_used": len(traces),
         "dropped": usable.dropped.astype({"n_fixes": int}).to_dict("records"),
-        "free_m2": float(grid.free.sum() * args.resolution_m**2),
-        **learned,
+        "free_m2": float(made.grid.free.sum() * args.resolution_m**2),
+        **made.figures,
         **_road_figures(known),
-        "warnings": [*fixes.doubts, *(known.said if known else ()), *learned.get("warnings", ())],
+        **_zone_figures(made.lanes),
+        "warnings": [*doubts, *made.figures.get("warnings", ())],
     }
 
 
@@ -133,6 +145,15 @@ def _road_figures(known: KnownRoad | None) -> dict[str, Any]:
         return {}
     zone = known.announced
     return known.details | {"announced": None if zone is None else asdict(zone), "road_length_m": known.road.length}
+
+
+def _zone_figures(lanes: LaneMap | None) -> dict[str, Any]:
+    """Where the map shows the zone, what it closes, and how well that is known."""
+    verified = None if lanes is None else verified_zone(lanes)
+    if verified is None:
+        return {}
+    numbers = {key: None if value == math.inf else value for key, value in asdict(verified).items()}  # JSON has no infinity
+    return {"verified": numbers}
 
 
 def _print_dropped(dropped: pd.DataFrame) -> None:
