@@ -1,0 +1,138 @@
+"""Fits of the model of lanes: expectation-maximisation over lanes driven, receivers and course."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wzsumo.crowd_mapping.lanes.course import Course, fit_course
+from wzsumo.crowd_mapping.lanes.lane_chain import LaneChain, lane_chain
+from wzsumo.crowd_mapping.lanes.lane_smoothing import lane_shares, smooth_traces
+from wzsumo.crowd_mapping.lanes.observations import Observations
+from wzsumo.crowd_mapping.lanes.receivers import Receivers, first_shares, receivers_of, shares_after
+from wzsumo.frames import FloatArray
+
+ROUNDS = 8
+LEAST_GAIN = 0.5  # of the log posterior, from which on another round is worth it
+LEAST_CLASS_SHARE = 0.02
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneSetting:
+    """What a fit takes as given: `n_lanes` of a width (mean, sd) [m]; `base` [m], the nominal offset of lane 0; `known` (m,)."""
+
+    n_lanes: int
+    width: tuple[float, float]
+    base: float
+    known: FloatArray | None  # [1/m^2] that the course lies at the common shift
+    shift_sd: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneFit:
+    """What traces say, for one setting: course, shares of lanes (traces, stations, lanes), bursts (traces, stations), classes."""
+
+    setting: LaneSetting
+    course: Course
+    in_lane: FloatArray
+    position: FloatArray
+    burst: FloatArray
+    class_share: FloatArray
+    receivers: Receivers
+    log_likelihood: FloatArray
+    log_posterior: float
+
+    @property
+    def stray(self) -> FloatArray:
+        """Probability (traces,) of following no lane."""
+        return self.class_share[:, -1]
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Expected sd (traces,) [m] of a trace's slow error, if it follows the lanes."""
+        share = self.class_share[:, :-1]
+        return np.sqrt((share * self.receivers.sigma[:-1] ** 2).sum(axis=1) / np.maximum(share.sum(axis=1), 1e-12))
+
+
+def fit_lanes(
+    observations: Observations, setting: LaneSetting, *, course: FloatArray, receivers: Receivers | None = None, rounds: int = ROUNDS,
+    width: float | None = None, class_log_shares: FloatArray | None = None,
+) -> LaneFit:
+    """The fit that begins at a course (m,) [m], relative to `base`."""
+    chain = lane_chain(setting.n_lanes, spacing=observations.spacing)
+    receivers = receivers or receivers_of(observations)
+    shares = first_shares(receivers) if class_log_shares is None else class_log_shares
+    lane_start = np.full(setting.n_lanes, 1 / setting.n_lanes)
+    width_now = setting.width[0] if width is None else width
+    state = Course(
+        offset=course, sd=np.zeros_like(course), shift=0.0, shift_sd=setting.shift_sd, width=width_now, width_sd=setting.width[1], log_prior=0.0
+    )
+    fit: LaneFit | None = None
+    for _ in range(max(rounds, 1)):
+        expected = _expect(observations, setting, chain, state, receivers, shares, lane_start)
+        if rounds == 0:
+            return expected
+        gain = np.inf if fit is None else expected.log_posterior - fit.log_posterior
+        if fit is not None and gain < LEAST_GAIN:
+            return expected if gain > 0 else fit
+        fit = expected
+        shares = shares_after(expected.class_share)
+        lane_start = _first_lane_shares(expected)
+        state = _maximise(observations, setting, expected)
+    return _expect(observations, setting, chain, state, receivers, shares, lane_start)
+
+
+def _expect(
+    observations: Observations, setting: LaneSetting, chain: LaneChain, course: Course, receivers: Receivers, shares: FloatArray,
+    lane_start: FloatArray,
+) -> LaneFit:
+    n, m = observations.offset.shape
+    start = np.full(len(chain.position), 1e-4)
+    start[: setting.n_lanes] = lane_start
+    start[chain.burst] = 0.01 * lane_start
+    start /= start.sum()
+    state_share = np.zeros((n, m, len(chain.position)))
+    class_share, log_likelihood = np.zeros((n, len(receivers.sigma))), np.zeros(n)
+    smooth_traces(
+        observations.offset, observations.eta, observations.variance, observations.spacing, setting.base + course.offset, course.width, chain.position,
+        chain.burst, chain.first, chain.source, chain.probability, chain.back_first, chain.back_source, chain.back_probability,
+        chain.stationary, start, receivers.rho, receivers.sigma, np.log(shares), LEAST_CLASS_SHARE, state_share, class_share,
+        log_likelihood,
+    )  # fmt: skip
+    return LaneFit(
+        setting=setting,
+        course=course,
+        in_lane=lane_shares(state_share, chain.position, chain.burst, setting.n_lanes),
+        position=np.stack([state_share @ chain.position, state_share @ chain.position**2], axis=-1),
+        burst=state_share[:, :, chain.burst].sum(axis=2),
+        class_share=class_share,
+        receivers=receivers,
+        log_likelihood=log_likelihood,
+        log_posterior=float(log_likelihood.sum() + course.log_prior),
+    )
+
+
+def _maximise(observations: Observations, setting: LaneSetting, fit: LaneFit) -> Course:
+    mean = fit.position[:, :, 0]
+    variance = np.maximum(fit.position[:, :, 1] - mean**2, 0)
+    normal = 1 - fit.burst
+    weight = np.where(
+        observations.eta > 0,
+        observations.eta * normal * (1 - fit.stray)[:, None] / (observations.variance + fit.course.width**2 * variance),
+        0.0,
+    )
+    usual = fit.class_share[:, :-1]
+    likeliest = usual.argmax(axis=1)
+    rho = fit.receivers.rho[np.arange(len(likeliest)), likeliest]
+    return fit_course(
+        np.where(weight > 0, observations.offset - setting.base, 0.0), weight, mean, rho=rho, sigma=fit.sigma,
+        spacing=observations.spacing, known=setting.known, width=setting.width, shift_sd=setting.shift_sd, start=fit.course.offset,
+    )  # fmt: skip
+
+
+def _first_lane_shares(fit: LaneFit) -> FloatArray:
+    """Shares (lanes,) of the lanes in which traces begin, with one vehicle more in each."""
+    seen = fit.in_lane.sum(axis=2) > 0.1
+    first = np.where(seen.any(axis=1), seen.argmax(axis=1), 0)
+    begun = fit.in_lane[np.arange(len(first)), first] * (1 - fit.stray)[:, None]
+    counts = begun.sum(axis=0) + 1.0
+    return np.asarray(counts / counts.sum())

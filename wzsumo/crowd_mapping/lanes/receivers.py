@@ -1,0 +1,50 @@
+"""Receivers: classes of how a trace's position errs, from centimetres to metres, and one for vehicles that follow no lane."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wzsumo.crowd_mapping.lanes.observations import Observations
+from wzsumo.frames import FloatArray
+
+SIGMAS_M = (0.3, 0.7, 1.2, 2.0, 3.5)  # a driver's habit alone; RTK or map-matched; good, usual, poor receivers in cars
+TIMES_S = (30.0, 200.0)  # over which the error of positions is correlated: multipath; ionosphere and clocks
+STRAY_SIGMA_M, STRAY_TIME_S = 8.0, 200.0  # a vehicle that keeps to no lane: anywhere on the road
+STRAY_SHARE = 0.02
+PSEUDOCOUNT = 1.0  # of each class
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Receivers:
+    """`sigma` (classes,) [m] and `rho` (traces, classes), the correlation from station to station; the last class is the stray."""
+
+    sigma: FloatArray
+    rho: FloatArray
+
+    @property
+    def stray(self) -> int:
+        """Number of the stray class."""
+        return len(self.sigma) - 1
+
+
+def receivers_of(observations: Observations, *, sigmas: tuple[float, ...] = SIGMAS_M, times: tuple[float, ...] = TIMES_S) -> Receivers:
+    """The classes for some traces."""
+    pairs = [(sigma, time) for sigma in sigmas for time in times] + [(STRAY_SIGMA_M, STRAY_TIME_S)]
+    sigma, time = np.array(pairs).T
+    rho = np.exp(-observations.spacing / (np.maximum(observations.speed, 3.0)[:, None] * time))
+    return Receivers(sigma=sigma, rho=rho)
+
+
+def first_shares(receivers: Receivers) -> FloatArray:
+    """Shares (classes,) before anything is known."""
+    n = receivers.stray
+    return np.r_[np.full(n, (1 - STRAY_SHARE) / n), STRAY_SHARE]
+
+
+def shares_after(class_share: FloatArray) -> FloatArray:
+    """Shares (classes,) given those of the traces (traces, classes)."""
+    counts = class_share.sum(axis=0) + PSEUDOCOUNT / class_share.shape[1]
+    counts[-1] = class_share[:, -1].sum() + STRAY_SHARE
+    shares = counts / counts.sum()
+    shares[-1] = min(shares[-1], 0.3)
+    return np.asarray(shares / shares.sum())
