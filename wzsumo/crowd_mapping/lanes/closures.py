@@ -12,15 +12,16 @@ e, where drivers leave with density f, and elsewhere with the rate lambda of lan
 vehicles that did not enter, u: entries seen elsewhere; both on a road whose drivers enter at an unknown rate (a gamma distribution).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
 
 from wzsumo.announced_zone import AnnouncedZone
-from wzsumo.crowd_mapping.lanes.fit import LaneFit
+from wzsumo.crowd_mapping.lanes.fit import LaneFit, fit_lanes
 from wzsumo.crowd_mapping.lanes.lane_chain import LANE_CHANGES_PER_M
 from wzsumo.crowd_mapping.lanes.observations import Observations
+from wzsumo.crowd_mapping.lanes.receivers import shares_after
 from wzsumo.frames import FloatArray
 
 ODD_SHARE = 0.05  # of a first vehicle in a closed lane; and of each further one
@@ -33,6 +34,9 @@ USABLE_TAPER_SHARE = 0.69  # of a taper: until 1.13 m of a 3.66 m lane remain wi
 DOWNSTREAM_TAPER_M = 30.0  # MUTCD 11th ed., Table 6B-3: 50 to 100 ft a lane
 TAPER_LENGTHS = ((0.5, 0.15), (0.75, 0.15), (1.0, 0.5), (1.5, 0.12), (2.0, 0.08))  # in manual lengths, with probabilities
 TAPER_PLACING_SD_M = 8.0
+MIN_DOUBTFUL_USERS, MAX_DOUBTFUL_SHARE = 0.5, 0.35  # of traces that seem to drive where others do not
+LEAST_LOG_ODDS = -15.0
+DOUBT_ROUNDS = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,34 +45,69 @@ class Closure:
 
     p_closed: float
     interval: FloatArray  # (stations, stations), sums to 1; [e, b]
-    visible: float  # effective number of traces that show the lane or ground beside it
 
 
-def closure_of(
-    lane: int, fit: LaneFit, observations: Observations, *, announced: AnnouncedZone | None, taper_m: float, shoulder: float
-) -> Closure:
-    """The closure of a lane. `taper_m` is the manual's taper length, `shoulder` the width beside the lane [lane widths]."""
-    s, n_lanes = observations.stations, fit.setting.n_lanes
-    seen = observations.eta > 0
+@dataclass(frozen=True, kw_only=True)
+class ClosurePrior:
+    """What is known beforehand: the announcement, the manual's taper length [m], shoulders (right, left) [lane widths]."""
+
+    announced: AnnouncedZone | None
+    taper_m: float
+    shoulders: tuple[float, float]
+
+    def log_odds(self, lane: int) -> float:
+        """Of a lane that is closed somewhere."""
+        p = P_CLOSED if self.announced is None else P_CLOSED_ANNOUNCED
+        if self.announced is not None and self.announced.closed_lanes is not None:
+            p = 0.8 if lane in self.announced.closed_lanes else 0.1
+        return float(np.log(p / (1 - p)))
+
+
+def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[LaneFit, list[Closure]]:
+    """The closures of all lanes, and the fit that knows of them.
+
+    Where some traces seem to drive in a lane that others avoid, the traces are fitted again with that lane closed: they may be of
+    receivers that err by a lane.
+    """
+    closures = []
+    for lane in range(fit.setting.n_lanes):
+        evidence, closed_somewhere = _evidence(lane, fit, observations, prior)
+        log_odds = prior.log_odds(lane) + closed_somewhere
+        e, b = np.unravel_index(int(evidence.argmax()), evidence.shape)
+        seen = observations.eta[:, e : b + 1].max(axis=1) > 0
+        users = np.where(seen, fit.in_lane[:, e : b + 1, lane].max(axis=1), 0.0)
+        if MIN_DOUBTFUL_USERS < users.sum() < MAX_DOUBTFUL_SHARE * seen.sum() and log_odds > LEAST_LOG_ODDS - 3 * users.sum():
+            setting = replace(fit.setting, closed=(*fit.setting.closed, (lane, int(e), int(b))))
+            closed = fit_lanes(
+                observations, setting, course=fit.course.offset, receivers=fit.receivers, shares=shares_after(fit.class_share),
+                rounds=DOUBT_ROUNDS,
+            )  # fmt: skip
+            gain = np.log((1 - ODD_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 5)) + ODD_SHARE)
+            without_users = _evidence(lane, closed, observations, prior)
+            doubted = prior.log_odds(lane) + float(gain.sum()) + without_users[1]
+            if doubted > log_odds:
+                log_odds, evidence = doubted, without_users[0]
+            if log_odds > 0:
+                fit = closed
+        closures.append(Closure(p_closed=float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50)))), interval=evidence))
+    return fit, closures
+
+
+def _evidence(lane: int, fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[FloatArray, float]:
+    """(posterior (starts, ends) given that the lane is closed, log of the evidence for closed against open)."""
     visibility = (1 - fit.stray) / (1 + (2 * fit.sigma / fit.course.width) ** 2)
-    in_lane = fit.in_lane[:, :, lane]
-    odd = _odd_shares(observations, fit)
     evidence = _interval_evidence(
-        in_lane, seen, visibility, odd, observations.spacing, LANE_CHANGES_PER_M, MERGE_LENGTH_M
-    )
-    prior = _interval_prior(s, lane, n_lanes, announced=announced, taper_m=taper_m, shoulder=shoulder)
-    log_joint = np.where(prior > 0, evidence + np.log(np.maximum(prior, 1e-300)), -np.inf)
-    best = log_joint.max()
-    interval = np.exp(log_joint - best)
-    total = interval.sum()
-    p = P_CLOSED if announced is None else P_CLOSED_ANNOUNCED
-    if announced is not None and announced.closed_lanes is not None:
-        p = 0.8 if lane in announced.closed_lanes else 0.1
-    log_odds = np.log(p / (1 - p)) + best + np.log(total)
-    return Closure(
-        p_closed=float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50)))), interval=interval / total,
-        visible=float((visibility * seen.any(axis=1)).sum()),
+        fit.in_lane[:, :, lane], observations.eta > 0, visibility, _odd_shares(observations, fit), observations.spacing,
+        LANE_CHANGES_PER_M, MERGE_LENGTH_M,
     )  # fmt: skip
+    shoulder = prior.shoulders[2 * lane > fit.setting.n_lanes - 1]
+    chances = _interval_prior(
+        observations.stations, lane, fit.setting.n_lanes, announced=prior.announced, taper_m=prior.taper_m, shoulder=shoulder
+    )
+    log_joint = np.where(chances > 0, evidence + np.log(np.maximum(chances, 1e-300)), -np.inf)
+    best = log_joint.max()
+    joint = np.exp(log_joint - best)
+    return joint / joint.sum(), float(best + np.log(joint.sum()))
 
 
 def _odd_shares(observations: Observations, fit: LaneFit) -> FloatArray:

@@ -16,7 +16,27 @@ import numpy as np
 from wzsumo.frames import FloatArray
 
 KINK_SCALE = 0.004  # [1]: mean change of direction at a station; a shifting taper of 1:30 begins with 0.033
+SMALLEST_KINK = 0.02  # of that: smaller ones cost nothing
 KINK_ROUNDS = 6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CoursePrior:
+    """`known` (m,) [1/m^2] is the information that the course lies at the common shift, 0 where nothing is known of it.
+
+    `width` and `width_sd` [m] are of a lane, `shift_sd` [m] of the common shift, `spacing` [m] of the stations.
+    """
+
+    known: FloatArray
+    width: float
+    width_sd: float
+    shift_sd: float
+    spacing: float
+
+    @property
+    def has_road(self) -> bool:
+        """Whether anything is known of the road."""
+        return bool(self.known.max() > 1e-3)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,51 +121,65 @@ def fit_course(
     *,
     rho: FloatArray,
     sigma: FloatArray,
-    spacing: float,
-    known: FloatArray | None,
-    width: tuple[float, float],
-    shift_sd: float,
+    prior: CoursePrior,
     start: FloatArray,
 ) -> Course:
     """The course of traces with offsets (n, m) [m], information `weight` (n, m) [1/m^2] and expected lanes `position` (n, m).
-
-    `known` (m,) [1/m^2] is the information that D lies at the common shift, None where nothing is known of the road; `width` the
-    prior mean and sd of a lane's width.
     """
     m = offset.shape[1]
     h, g = _information(offset, weight, position, rho, sigma**2)
-    if known is None:
-        known = np.full(m, 1e-6)
+    known = prior.known
     matrix, right = np.zeros((m + 2, m + 2)), np.zeros(m + 2)
     matrix[: m + 1, : m + 1], right[: m + 1] = h, g
-    matrix[m, m] += 1 / width[1] ** 2
-    right[m] += width[0] / width[1] ** 2
+    matrix[m, m] += 1 / prior.width_sd**2
+    right[m] += prior.width / prior.width_sd**2
     matrix[np.arange(m), np.arange(m)] += known
     matrix[:m, m + 1] -= known
     matrix[m + 1, :m] -= known
-    matrix[m + 1, m + 1] += known.sum() + 1 / shift_sd**2
-    second = np.zeros((m - 2, m))
+    matrix[m + 1, m + 1] += known.sum() + 1 / prior.shift_sd**2
     rows = np.arange(m - 2)
+    second = np.zeros((m - 2, m))
     second[rows, rows], second[rows, rows + 1], second[rows, rows + 2] = 1.0, -2.0, 1.0
-    scale, least = KINK_SCALE * spacing, 0.1 * KINK_SCALE * spacing
+    scale = KINK_SCALE * prior.spacing
     d = start
     for _ in range(KINK_ROUNDS):
-        stiff = 1 / (scale * np.maximum(np.abs(second @ d), least))
+        stiff = 1 / (scale * np.maximum(np.abs(second @ d), SMALLEST_KINK * scale))
         full = matrix.copy()
         full[:m, :m] += second.T @ (stiff[:, None] * second)
         covariance = np.linalg.inv(full)
         solution = covariance @ right
         d = solution[:m]
-    along_shift = covariance[:m, m + 1]
-    variance = np.diag(covariance)[:m] - 2 * along_shift + covariance[m + 1, m + 1]
-    bends = np.abs(second @ d)
+    variance = np.diag(covariance)[:m]
+    if prior.has_road:
+        variance = variance - 2 * covariance[:m, m + 1] + covariance[m + 1, m + 1]
     return Course(
         offset=d,
-        sd=np.sqrt(np.maximum(variance if known.max() > 1e-3 else np.diag(covariance)[:m], 0)),
+        sd=np.sqrt(np.maximum(variance, 0)),
         shift=float(solution[m + 1]),
         shift_sd=float(np.sqrt(covariance[m + 1, m + 1])),
         width=float(solution[m]),
         width_sd=float(np.sqrt(covariance[m, m])),
-        log_prior=float(-(np.maximum(bends - least, 0) / scale).sum() - 0.5 * (solution[m + 1] / shift_sd) ** 2
-                        - 0.5 * ((solution[m] - width[0]) / width[1]) ** 2 - 0.5 * (known * (d - solution[m + 1]) ** 2).sum()),
+        log_prior=log_prior(d, prior, shift=float(solution[m + 1]), width=float(solution[m])),
     )
+
+
+def log_prior(offset: FloatArray, prior: CoursePrior, *, shift: float, width: float) -> float:
+    """Log prior density of a course, but for a constant."""
+    scale = KINK_SCALE * prior.spacing
+    kinks = np.maximum(np.abs(np.diff(offset, 2)) - SMALLEST_KINK * scale, 0) / scale
+    return float(
+        -kinks.sum()
+        - 0.5 * (prior.known * (offset - shift) ** 2).sum()
+        - 0.5 * (shift / prior.shift_sd) ** 2
+        - 0.5 * ((width - prior.width) / prior.width_sd) ** 2
+    )
+
+
+def course_at_start(offset: FloatArray, prior: CoursePrior) -> Course:
+    """A first guess as a Course."""
+    total = prior.known.sum() + 1 / prior.shift_sd**2
+    shift = float((prior.known * offset).sum() / total)
+    return Course(
+        offset=offset, sd=np.zeros_like(offset), shift=shift, shift_sd=prior.shift_sd, width=prior.width, width_sd=prior.width_sd,
+        log_prior=log_prior(offset, prior, shift=shift, width=prior.width),
+    )  # fmt: skip

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wzsumo.crowd_mapping.lanes.course import Course, fit_course
+from wzsumo.crowd_mapping.lanes.course import Course, CoursePrior, course_at_start, fit_course
 from wzsumo.crowd_mapping.lanes.lane_chain import LaneChain, lane_chain
 from wzsumo.crowd_mapping.lanes.lane_smoothing import lane_shares, smooth_traces
 from wzsumo.crowd_mapping.lanes.observations import Observations
@@ -14,17 +14,17 @@ from wzsumo.frames import FloatArray
 ROUNDS = 8
 LEAST_GAIN = 0.5  # of the log posterior, from which on another round is worth it
 LEAST_CLASS_SHARE = 0.02
+IN_CLOSED_LANE = 0.05  # weight of being in a closed lane, at each station
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneSetting:
-    """What a fit takes as given: `n_lanes` of a width (mean, sd) [m]; `base` [m], the nominal offset of lane 0; `known` (m,)."""
+    """What a fit takes as given: `n_lanes` lanes; `base` [m], the nominal offset of lane 0; the prior of the course."""
 
     n_lanes: int
-    width: tuple[float, float]
     base: float
-    known: FloatArray | None  # [1/m^2] that the course lies at the common shift
-    shift_sd: float
+    prior: CoursePrior
+    closed: tuple[tuple[int, int, int], ...] = ()  # (lane, first, last station) that are taken to be closed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,17 +55,14 @@ class LaneFit:
 
 def fit_lanes(
     observations: Observations, setting: LaneSetting, *, course: FloatArray, receivers: Receivers | None = None, rounds: int = ROUNDS,
-    width: float | None = None, class_log_shares: FloatArray | None = None,
+    shares: FloatArray | None = None,
 ) -> LaneFit:
     """The fit that begins at a course (m,) [m], relative to `base`."""
     chain = lane_chain(setting.n_lanes, spacing=observations.spacing)
     receivers = receivers or receivers_of(observations)
-    shares = first_shares(receivers) if class_log_shares is None else class_log_shares
+    shares = first_shares(receivers) if shares is None else shares
     lane_start = np.full(setting.n_lanes, 1 / setting.n_lanes)
-    width_now = setting.width[0] if width is None else width
-    state = Course(
-        offset=course, sd=np.zeros_like(course), shift=0.0, shift_sd=setting.shift_sd, width=width_now, width_sd=setting.width[1], log_prior=0.0
-    )
+    state = course_at_start(course, setting.prior)
     fit: LaneFit | None = None
     for _ in range(max(rounds, 1)):
         expected = _expect(observations, setting, chain, state, receivers, shares, lane_start)
@@ -90,10 +87,13 @@ def _expect(
     start[: setting.n_lanes] = lane_start
     start[chain.burst] = 0.01 * lane_start
     start /= start.sum()
+    allowed = np.ones((m, len(chain.position)))
+    for lane, first, last in setting.closed:
+        allowed[first : last + 1, (np.rint(chain.position) == lane) & ~chain.burst] = IN_CLOSED_LANE
     state_share = np.zeros((n, m, len(chain.position)))
     class_share, log_likelihood = np.zeros((n, len(receivers.sigma))), np.zeros(n)
     smooth_traces(
-        observations.offset, observations.eta, observations.variance, observations.spacing, setting.base + course.offset, course.width, chain.position,
+        observations.offset, observations.eta, observations.variance, observations.spacing, allowed, setting.base + course.offset, course.width, chain.position,
         chain.burst, chain.first, chain.source, chain.probability, chain.back_first, chain.back_source, chain.back_probability,
         chain.stationary, start, receivers.rho, receivers.sigma, np.log(shares), LEAST_CLASS_SHARE, state_share, class_share,
         log_likelihood,
@@ -125,7 +125,7 @@ def _maximise(observations: Observations, setting: LaneSetting, fit: LaneFit) ->
     rho = fit.receivers.rho[np.arange(len(likeliest)), likeliest]
     return fit_course(
         np.where(weight > 0, observations.offset - setting.base, 0.0), weight, mean, rho=rho, sigma=fit.sigma,
-        spacing=observations.spacing, known=setting.known, width=setting.width, shift_sd=setting.shift_sd, start=fit.course.offset,
+        prior=setting.prior, start=fit.course.offset,
     )  # fmt: skip
 
 

@@ -37,7 +37,7 @@ def _off_lane_density(y, eta, r, spacing, density):
 
 @numba.njit(cache=True, nogil=True)
 def _filter(
-    y, eta, r, off_lane, level, width, position, burst, first, source, probability, start, rho, sigma2, predicted, weight, mean,
+    y, eta, r, off_lane, allowed, level, width, position, burst, first, source, probability, start, rho, sigma2, predicted, weight, mean,
     variance,
 ):
     """Log likelihood; fills weight, mean, variance (stations, states): of the predictions, or of the filtered states."""
@@ -72,6 +72,8 @@ def _filter(
         if predicted:
             for j in range(n_states):
                 weight[t, j], mean[t, j], variance[t, j] = w[j], m[j], v[j]
+        for j in range(n_states):
+            w[j] *= allowed[t, j]
         if eta[t] > 0:
             widened = r[t] / eta[t]
             scale = (2 * np.pi * r[t]) ** (-0.5 * eta[t]) * np.sqrt(2 * np.pi * widened)
@@ -102,7 +104,7 @@ def _filter(
 
 @numba.njit(cache=True, nogil=True)
 def smooth_traces(
-    y, eta, r, spacing, level, width, position, burst, first, source, probability, back_first, back_source, back_probability,
+    y, eta, r, spacing, allowed, level, width, position, burst, first, source, probability, back_first, back_source, back_probability,
     stationary, start, rho, sigma, log_shares, least_share, state_share, class_share, log_likelihood
 ):  # fmt: skip
     """Fills state_share (traces, stations, states), class_share (traces, classes) and log_likelihood (traces,).
@@ -115,7 +117,7 @@ def smooth_traces(
     w, m, v = np.empty((n_stations, n_states)), np.empty((n_stations, n_states)), np.empty((n_stations, n_states))
     bw, bm, bv = np.empty((n_stations, n_states)), np.empty((n_stations, n_states)), np.empty((n_stations, n_states))
     back_y, back_eta, back_r = np.empty(n_stations), np.empty(n_stations), np.empty(n_stations)
-    back_level = level[::-1].copy()
+    back_level, back_allowed = level[::-1].copy(), allowed[::-1].copy()
     off_lane, back_off_lane = np.empty(n_stations), np.empty(n_stations)
     joint = np.empty(n_states)
     for i in range(n_traces):
@@ -134,7 +136,7 @@ def smooth_traces(
             class_share[i, c] = -np.inf
             if log_shares[c] > -30:
                 class_share[i, c] = log_shares[c] + _filter(
-                    y[i, low:high], eta[i, low:high], r[i, low:high], off_lane[low:high], level[low:high], width, position, burst, first, source,
+                    y[i, low:high], eta[i, low:high], r[i, low:high], off_lane[low:high], allowed[low:high], level[low:high], width, position, burst, first, source,
                     probability, start, rho[i, c], sigma[c] ** 2, False, w[low:high], m[low:high], v[low:high],
                 )  # fmt: skip
             best = max(best, class_share[i, c])
@@ -157,11 +159,12 @@ def smooth_traces(
                 continue
             sigma2 = sigma[c] ** 2
             _filter(
-                y[i, low:high], eta[i, low:high], r[i, low:high], off_lane[low:high], level[low:high], width, position, burst, first, source,
+                y[i, low:high], eta[i, low:high], r[i, low:high], off_lane[low:high], allowed[low:high], level[low:high], width, position, burst, first, source,
                 probability, start, rho[i, c], sigma2, False, w[low:high], m[low:high], v[low:high],
             )  # fmt: skip
             _filter(
-                back_y[:size], back_eta[:size], back_r[:size], back_off_lane[:size], back_level[n_stations - high : n_stations - low], width, position,
+                back_y[:size], back_eta[:size], back_r[:size], back_off_lane[:size], back_allowed[n_stations - high : n_stations - low],
+                back_level[n_stations - high : n_stations - low], width, position,
                 burst, back_first, back_source, back_probability, stationary, rho[i, c], sigma2, True, bw[:size], bm[:size],
                 bv[:size],
             )  # fmt: skip

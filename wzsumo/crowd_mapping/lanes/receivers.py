@@ -7,8 +7,8 @@ import numpy as np
 from wzsumo.crowd_mapping.lanes.observations import Observations
 from wzsumo.frames import FloatArray
 
-SIGMAS_M = (0.3, 0.7, 1.2, 2.0, 3.5)  # a driver's habit alone; RTK or map-matched; good, usual, poor receivers in cars
-TIMES_S = (30.0, 200.0)  # over which the error of positions is correlated: multipath; ionosphere and clocks
+SIGMAS_M = (0.3, 0.6, 1.0, 1.7, 2.8, 4.5)  # a driver's habit alone; RTK or map-matched; good, usual, poor receivers in cars
+TIMES_S = (30.0, 100.0, 300.0)  # over which the error of positions is correlated: multipath; ionosphere and clocks
 STRAY_SIGMA_M, STRAY_TIME_S = 8.0, 200.0  # a vehicle that keeps to no lane: anywhere on the road
 STRAY_SHARE = 0.02
 PSEUDOCOUNT = 1.0  # of each class

@@ -1,0 +1,105 @@
+"""The lane map of traces alone: how many lanes they drove in, and where these lie."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
+from wzsumo.crowd_mapping.lanes.closures import ClosurePrior, fit_closures
+from wzsumo.crowd_mapping.lanes.course import CoursePrior
+from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
+from wzsumo.crowd_mapping.lanes.joined import cumulated_course, lane_map_of
+from wzsumo.crowd_mapping.lanes.observations import Observations, observe
+from wzsumo.crowd_mapping.lanes.receivers import Receivers, first_shares, receivers_of
+from wzsumo.frames import FloatArray
+from wzsumo.lane_map import LaneMap
+from wzsumo.tapers import merging_taper_m
+
+MAX_LANES = 6
+LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.6, 0.12  # AASHTO 12 ft, MUTCD down to 10 ft
+LEAST_USERS = 1.5  # of an outer lane: one witness is not enough
+LEVELS_PER_LANE = 5
+SCOUTS = 30  # traces that are tried for the number of lanes
+SCOUT_SIGMAS_M, SCOUT_TIMES_S = (0.4, 1.0, 2.0, 4.0), (60.0,)
+SCOUT_ROUNDS = 3
+LOG_PRIOR_PER_LANE = -5.0  # a further lane must be worth more than two independent traces that may be wrong by a lane
+HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is
+
+
+def map_alone(traces: pd.DataFrame, *, speed_mps: float, debug: dict | None = None) -> LaneMap:
+    observations = observe(traces, reference_line_from_traces(traces))
+    fits = candidate_fits(observations)
+    best = max(fits, key=score)
+    taper = merging_taper_m(speed_mps, width_m=best.course.width)
+    best, closures = fit_closures(best, observations, ClosurePrior(announced=None, taper_m=taper, shoulders=(0.0, 0.0)))
+    if debug is not None:
+        debug.update(fit=best, fits=fits, closures=closures, observations=observations)
+    return lane_map_of(best, closures, observations, traces, taper=taper)
+
+
+def score(fit: LaneFit) -> float:
+    users = fit.in_lane.max(axis=1).sum(axis=0) if fit.in_lane.size else np.zeros(1)
+    least = min(LEAST_USERS, 0.5 * len(fit.in_lane))
+    missing = (users[0] < least) + (users[-1] < least) if fit.setting.n_lanes > 1 else 0
+    return fit.log_posterior + LOG_PRIOR_PER_LANE * fit.setting.n_lanes - 1e6 * missing
+
+
+def candidate_fits(observations: Observations) -> list[LaneFit]:
+    """Fits with as many lanes as some traces make likely, the likeliest last."""
+    scouts = _scouts(observations)
+    receivers = receivers_of(scouts, sigmas=SCOUT_SIGMAS_M, times=SCOUT_TIMES_S)
+    everyone = receivers_of(observations)
+    relative = cumulated_course(observations)
+    best: dict[int, tuple[float, LaneFit]] = {}
+    for base in (np.zeros_like(relative), relative):
+        levels = _levels(scouts, base)
+        for n_lanes in range(1, MAX_LANES + 1):
+            setting = _setting(n_lanes, observations)
+            tried = [
+                (fit_lanes(scouts, setting, course=base + c, receivers=receivers, rounds=0).log_posterior, base + c)
+                for c in _candidate_centres(levels, n_lanes)
+            ]
+            fit = fit_lanes(scouts, setting, course=max(tried, key=lambda pair: pair[0])[1], receivers=receivers, rounds=SCOUT_ROUNDS)
+            if n_lanes not in best or fit.log_posterior > best[n_lanes][0]:
+                best[n_lanes] = (fit.log_posterior, fit)
+            if score(fit) < max(score(one) for _, one in best.values()) - HOPELESS:
+                break
+    likeliest = max(score(fit) for _, fit in best.values())
+    starts = [fit for _, fit in best.values() if score(fit) > likeliest - RIVAL]
+    fits = [fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone) for fit in starts]
+    return sorted(fits, key=score)
+
+
+def _setting(n_lanes: int, observations: Observations) -> LaneSetting:
+    prior = CoursePrior(
+        known=np.full(len(observations.stations), 1e-9), width=LANE_WIDTH_M, width_sd=LANE_WIDTH_SD_M, shift_sd=1.0,
+        spacing=observations.spacing,
+    )  # fmt: skip
+    return LaneSetting(n_lanes=n_lanes, base=0.0, prior=prior)
+
+
+def _levels(observations: Observations, base: FloatArray) -> FloatArray:
+    """Median offset of each trace from a course."""
+    seen = observations.eta > 0
+    return np.array([np.median((y - base)[ok]) for y, ok in zip(observations.offset, seen, strict=True) if ok.any()])
+
+
+def _candidate_centres(levels: FloatArray, n_lanes: int) -> FloatArray:
+    """Offsets of lane 0 so that the lanes cover most traces."""
+    low, high = np.quantile(levels, [0.05, 0.95])
+    span = (n_lanes - 1) * LANE_WIDTH_M
+    first, last = min(low, high - span), max(low, high - span)
+    step = LANE_WIDTH_M / LEVELS_PER_LANE
+    return np.arange(first - step, last + 1.01 * step, step)
+
+
+def _scouts(observations: Observations) -> Observations:
+    n = len(observations.ids)
+    if n <= SCOUTS:
+        return observations
+    chosen = np.unique(np.linspace(0, n - 1, SCOUTS).astype(int))
+    return replace(
+        observations, offset=observations.offset[chosen], eta=observations.eta[chosen], variance=observations.variance[chosen],
+        speed=observations.speed[chosen], slowness=observations.slowness[chosen], ids=tuple(observations.ids[i] for i in chosen),
+    )  # fmt: skip
