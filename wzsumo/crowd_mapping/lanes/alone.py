@@ -1,7 +1,5 @@
 """The lane map of traces alone: how many lanes they drove in, and where these lie."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 
@@ -11,7 +9,7 @@ from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.joined import cumulated_course, lane_map_of
 from wzsumo.crowd_mapping.lanes.observations import Observations, observe
-from wzsumo.crowd_mapping.lanes.receivers import Receivers, first_shares, receivers_of
+from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
 from wzsumo.frames import FloatArray
 from wzsumo.lane_map import LaneMap
 from wzsumo.tapers import merging_taper_m
@@ -20,10 +18,8 @@ MAX_LANES = 6
 LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.6, 0.12  # AASHTO 12 ft, MUTCD down to 10 ft
 LEAST_USERS = 1.5  # of an outer lane: one witness is not enough
 LEVELS_PER_LANE = 5
-SCOUTS = 30  # traces that are tried for the number of lanes
-SCOUT_SIGMAS_M, SCOUT_TIMES_S = (0.4, 1.0, 2.0, 4.0), (60.0,)
 SCOUT_ROUNDS = 3
-LOG_PRIOR_PER_LANE = -5.0  # a further lane must be worth more than two independent traces that may be wrong by a lane
+LOG_PRIOR_PER_LANE = -8.0  # a further lane must be worth more than two independent traces that may be wrong by a lane
 HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is
 
 
@@ -47,7 +43,7 @@ def score(fit: LaneFit) -> float:
 
 def candidate_fits(observations: Observations) -> list[LaneFit]:
     """Fits with as many lanes as some traces make likely, the likeliest last."""
-    scouts = _scouts(observations)
+    scouts = scouts_of(observations)
     receivers = receivers_of(scouts, sigmas=SCOUT_SIGMAS_M, times=SCOUT_TIMES_S)
     everyone = receivers_of(observations)
     relative = cumulated_course(observations)
@@ -73,7 +69,7 @@ def candidate_fits(observations: Observations) -> list[LaneFit]:
 
 def _setting(n_lanes: int, observations: Observations) -> LaneSetting:
     prior = CoursePrior(
-        known=np.full(len(observations.stations), 1e-9), width=LANE_WIDTH_M, width_sd=LANE_WIDTH_SD_M, shift_sd=1.0,
+        known=np.full(len(observations.stations), 1e-9), width=LANE_WIDTH_M, width_sd=LANE_WIDTH_SD_M,
         spacing=observations.spacing,
     )  # fmt: skip
     return LaneSetting(n_lanes=n_lanes, base=0.0, prior=prior)
@@ -92,14 +88,3 @@ def _candidate_centres(levels: FloatArray, n_lanes: int) -> FloatArray:
     first, last = min(low, high - span), max(low, high - span)
     step = LANE_WIDTH_M / LEVELS_PER_LANE
     return np.arange(first - step, last + 1.01 * step, step)
-
-
-def _scouts(observations: Observations) -> Observations:
-    n = len(observations.ids)
-    if n <= SCOUTS:
-        return observations
-    chosen = np.unique(np.linspace(0, n - 1, SCOUTS).astype(int))
-    return replace(
-        observations, offset=observations.offset[chosen], eta=observations.eta[chosen], variance=observations.variance[chosen],
-        speed=observations.speed[chosen], slowness=observations.slowness[chosen], ids=tuple(observations.ids[i] for i in chosen),
-    )  # fmt: skip

@@ -82,8 +82,9 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
                 observations, setting, course=fit.course.offset, receivers=fit.receivers, shares=shares_after(fit.class_share),
                 rounds=DOUBT_ROUNDS,
             )  # fmt: skip
-            gain = np.log((1 - ODD_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 5)) + ODD_SHARE)
-            without_users = _evidence(lane, closed, observations, prior)
+            ratio = (1 - ODD_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 5))
+            gain = np.log(ratio + ODD_SHARE)
+            without_users = _evidence(lane, closed, observations, prior, witness=ratio / (ratio + ODD_SHARE))
             doubted = prior.log_odds(lane) + float(gain.sum()) + without_users[1]
             if doubted > log_odds:
                 log_odds, evidence = doubted, without_users[0]
@@ -93,12 +94,17 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
     return fit, closures
 
 
-def _evidence(lane: int, fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[FloatArray, float]:
-    """(posterior (starts, ends) given that the lane is closed, log of the evidence for closed against open)."""
-    visibility = (1 - fit.stray) / (1 + (2 * fit.sigma / fit.course.width) ** 2)
+def _evidence(
+    lane: int, fit: LaneFit, observations: Observations, prior: ClosurePrior, *, witness: FloatArray | float = 1.0
+) -> tuple[FloatArray, float]:
+    """(posterior (starts, ends) given that the lane is closed, log of the evidence for closed against open).
+
+    `witness` (traces,) is the weight of each trace.
+    """
+    visibility = witness * (1 - fit.stray) / (1 + (2 * fit.sigma / fit.course.width) ** 2)
     evidence = _interval_evidence(
         fit.in_lane[:, :, lane], observations.eta > 0, visibility, _odd_shares(observations, fit), observations.spacing,
-        LANE_CHANGES_PER_M, MERGE_LENGTH_M,
+        _lane_changes_per_m(fit, observations), MERGE_LENGTH_M,
     )  # fmt: skip
     shoulder = prior.shoulders[2 * lane > fit.setting.n_lanes - 1]
     chances = _interval_prior(
@@ -108,6 +114,14 @@ def _evidence(lane: int, fit: LaneFit, observations: Observations, prior: Closur
     best = log_joint.max()
     joint = np.exp(log_joint - best)
     return joint / joint.sum(), float(best + np.log(joint.sum()))
+
+
+def _lane_changes_per_m(fit: LaneFit, observations: Observations) -> float:
+    """Rate [1/m] at which vehicles change lanes."""
+    seen = observations.eta > 0
+    both = (seen[:, 1:] & seen[:, :-1])[:, :, None]
+    changes = float((np.abs(np.diff(fit.in_lane, axis=1)) * both * (1 - fit.stray)[:, None, None]).sum()) / 2
+    return float((1 + changes) / (1 / LANE_CHANGES_PER_M + seen.sum() * observations.spacing))
 
 
 def _odd_shares(observations: Observations, fit: LaneFit) -> FloatArray:
@@ -133,27 +147,32 @@ def _interval_evidence(in_lane, seen, visibility, odd, spacing, rate, merge_leng
         beside[t + 1] += beside[t]
         entries[t + 1] += entries[t]
     result = np.full((m, m), -np.inf)
-    back = int(round(merge_length / spacing))
+    reach = int(round(merge_length / spacing))
     ratio = 1.0 / merge_length / rate
     first = 1.0 / rate
+    left, entered = np.zeros((n, m)), np.zeros((n, m))  # within `merge_length` ahead of a station, and after it
+    for i in range(n):
+        for t in range(m - 1):
+            if seen[i, t] and seen[i, t + 1]:
+                step = in_lane[i, t + 1] - in_lane[i, t]
+                for at in range(t + 1, min(t + 1 + reach, m)):
+                    left[i, at] += max(-step, 0.0)
+                for at in range(max(t - reach, 0), t + 1):
+                    entered[i, at] += max(step, 0.0)
     for e in range(m):
         result[e, e:] = 0.0
         for i in range(n):
             if visibility[i] < 0.01:
                 continue
-            left = 0.0
-            for t in range(max(e - back, 0), min(e, m - 1)):
-                if seen[i, t] and seen[i, t + 1]:
-                    left += max(in_lane[i, t] - in_lane[i, t + 1], 0.0)
-            left = min(left, 1.0)
-            bonus = 1 + left * max(ratio - 1, 0.0)
+            bonus = 1 + min(left[i, e], 1.0) * max(ratio - 1, 0.0)
             most, rho = 0.0, 0.0
             for b in range(e, m):
                 if seen[i, b] and in_lane[i, b] > most:
                     most = in_lane[i, b]
                 if odd[i, b] > rho and in_lane[i, b] > 0.5:
                     rho = odd[i, b]
-                result[e, b] += visibility[i] * np.log((1 - most) * bonus + most * max(rho, 0.05) + 1e-12)
+                again = 1 + min(entered[i, b], 1.0) * max(ratio - 1, 0.0)
+                result[e, b] += visibility[i] * np.log((1 - most) * bonus * again + most * max(rho, 0.05) + 1e-12)
         for b in range(e, m):
             e_in = beside[b + 1] - beside[e]
             e_out = beside[m] - e_in

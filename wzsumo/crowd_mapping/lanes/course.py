@@ -18,19 +18,21 @@ from wzsumo.frames import FloatArray
 KINK_SCALE = 0.004  # [1]: mean change of direction at a station; a shifting taper of 1:30 begins with 0.033
 SMALLEST_KINK = 0.02  # of that: smaller ones cost nothing
 KINK_ROUNDS = 6
+# (probability, sd [m]) of the shift of all positions together: ionosphere and clocks; a datum, or a road drawn off its place
+SHIFT_PRIOR = ((0.9, 0.7), (0.1, 3.0))
+MOVED_M = 0.3  # off the known road: beyond, the lanes are taken to be moved (a Cauchy density)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoursePrior:
     """`known` (m,) [1/m^2] is the information that the course lies at the common shift, 0 where nothing is known of it.
 
-    `width` and `width_sd` [m] are of a lane, `shift_sd` [m] of the common shift, `spacing` [m] of the stations.
+    `width` and `width_sd` [m] are of a lane, `spacing` [m] of the stations.
     """
 
     known: FloatArray
     width: float
     width_sd: float
-    shift_sd: float
     spacing: float
 
     @property
@@ -133,22 +135,23 @@ def fit_course(
     matrix[: m + 1, : m + 1], right[: m + 1] = h, g
     matrix[m, m] += 1 / prior.width_sd**2
     right[m] += prior.width / prior.width_sd**2
-    matrix[np.arange(m), np.arange(m)] += known
-    matrix[:m, m + 1] -= known
-    matrix[m + 1, :m] -= known
-    matrix[m + 1, m + 1] += known.sum() + 1 / prior.shift_sd**2
     rows = np.arange(m - 2)
     second = np.zeros((m - 2, m))
     second[rows, rows], second[rows, rows + 1], second[rows, rows + 2] = 1.0, -2.0, 1.0
     scale = KINK_SCALE * prior.spacing
-    d = start
+    d, shift = start, start_shift(start, prior)
     for _ in range(KINK_ROUNDS):
         stiff = 1 / (scale * np.maximum(np.abs(second @ d), SMALLEST_KINK * scale))
+        binding = known / (1 + ((d - shift) / MOVED_M) ** 2)
         full = matrix.copy()
+        full[np.arange(m), np.arange(m)] += binding
+        full[:m, m + 1] -= binding
+        full[m + 1, :m] -= binding
+        full[m + 1, m + 1] += binding.sum() + _shift_information(shift)
         full[:m, :m] += second.T @ (stiff[:, None] * second)
         covariance = np.linalg.inv(full)
         solution = covariance @ right
-        d = solution[:m]
+        d, shift = solution[:m], float(solution[m + 1])
     variance = np.diag(covariance)[:m]
     if prior.has_road:
         variance = variance - 2 * covariance[:m, m + 1] + covariance[m + 1, m + 1]
@@ -169,17 +172,33 @@ def log_prior(offset: FloatArray, prior: CoursePrior, *, shift: float, width: fl
     kinks = np.maximum(np.abs(np.diff(offset, 2)) - SMALLEST_KINK * scale, 0) / scale
     return float(
         -kinks.sum()
-        - 0.5 * (prior.known * (offset - shift) ** 2).sum()
-        - 0.5 * (shift / prior.shift_sd) ** 2
+        - 0.5 * (prior.known * MOVED_M**2 * np.log1p(((offset - shift) / MOVED_M) ** 2)).sum()
+        + log_shift_prior(shift)
         - 0.5 * ((width - prior.width) / prior.width_sd) ** 2
     )
 
 
+def log_shift_prior(shift: float) -> float:
+    """Log prior density of the common shift [m], but for a constant."""
+    return float(np.log(sum(p * np.exp(-0.5 * (shift / sd) ** 2) / sd for p, sd in SHIFT_PRIOR)))
+
+
+def _shift_information(shift: float) -> float:
+    """Curvature [1/m^2] of the prior about 0: of the part of the mixture that the shift likely is of."""
+    parts = np.array([p * np.exp(-0.5 * (shift / sd) ** 2) / sd for p, sd in SHIFT_PRIOR])
+    return float((parts / [sd**2 for _, sd in SHIFT_PRIOR]).sum() / parts.sum())
+
+
+def start_shift(offset: FloatArray, prior: CoursePrior) -> float:
+    """The shift [m] at which most of the known road lies under a course; 0 where nothing is known."""
+    known = prior.known > 1e-3
+    return float(np.median(offset[known])) if known.any() else 0.0
+
+
 def course_at_start(offset: FloatArray, prior: CoursePrior) -> Course:
     """A first guess as a Course."""
-    total = prior.known.sum() + 1 / prior.shift_sd**2
-    shift = float((prior.known * offset).sum() / total)
+    shift = start_shift(offset, prior)
     return Course(
-        offset=offset, sd=np.zeros_like(offset), shift=shift, shift_sd=prior.shift_sd, width=prior.width, width_sd=prior.width_sd,
+        offset=offset, sd=np.zeros_like(offset), shift=shift, shift_sd=SHIFT_PRIOR[-1][1], width=prior.width, width_sd=prior.width_sd,
         log_prior=log_prior(offset, prior, shift=shift, width=prior.width),
     )  # fmt: skip

@@ -1,5 +1,7 @@
 """The lane map of traces on a known road."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 
@@ -9,7 +11,7 @@ from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closu
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, observe
-from wzsumo.crowd_mapping.lanes.receivers import receivers_of
+from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
 from wzsumo.frames import FloatArray
 from wzsumo.lane_map import LaneMap, MappedLane
 from wzsumo.road import Road
@@ -20,7 +22,9 @@ ROAD_SD_M = 0.1  # of a drawn road against the true one, station by station
 ROAD_WEIGHT = 1 / 6  # of each station's statement, for a drawing errs slowly
 ZONE_MARGIN_M = 150.0  # around the announced zone within which lanes may already be moved
 STRIPED_WIDTH_SD_M = 0.03
-SHIFT_SD_M = 1.0
+SHIFTS_M = np.arange(-7.0, 7.1, 1.0)  # that are tried
+RIVAL = 30.0  # nats behind the likeliest start, within which the road as it was is tried too
+ROAD_OFF_M = 2.5  # a larger shift is the road's, not that of all receivers
 EDGE_SD_M = 0.06  # of the devices or lines beside a lane: drivers as a whole are off the lanes' middles
 
 
@@ -31,7 +35,7 @@ def map_on_road(traces: pd.DataFrame, road: Road, announced: AnnouncedZone | Non
         n_lanes=road.own_lanes,
         base=road.lane_centre(0),
         prior=CoursePrior(
-            known=_known(observations.stations, announced), width=width, width_sd=STRIPED_WIDTH_SD_M, shift_sd=SHIFT_SD_M,
+            known=_known(observations.stations, announced), width=width, width_sd=STRIPED_WIDTH_SD_M,
             spacing=observations.spacing,
         ),
     )  # fmt: skip
@@ -47,7 +51,8 @@ def map_on_road(traces: pd.DataFrame, road: Road, announced: AnnouncedZone | Non
 def lane_map_of(fit: LaneFit, closures: list[Closure], observations: Observations, traces: pd.DataFrame, *, taper: float) -> LaneMap:
     n = fit.setting.n_lanes
     course, s = fit.course, observations.stations
-    offset = course.offset - course.shift + fit.setting.base
+    drawn_shift = course.shift if abs(course.shift) < ROAD_OFF_M else 0.0  # alone it is 0
+    offset = course.offset - drawn_shift + fit.setting.base
     lanes = []
     for lane, closure in enumerate(closures):
         side = 1 if 2 * lane > n - 1 else -1
@@ -76,9 +81,19 @@ def _known(stations: FloatArray, announced: AnnouncedZone | None) -> FloatArray:
 
 
 def _best_fit(observations: Observations, setting: LaneSetting) -> LaneFit:
+    """The likeliest of fits from the road's course and from a common movement of the traces, each at its likeliest shift."""
     receivers = receivers_of(observations)
-    starts = [np.zeros(len(observations.stations)), cumulated_course(observations)]
-    fits = [fit_lanes(observations, setting, course=start, receivers=receivers) for start in starts]
+    scouts = scouts_of(observations)
+    scout_receivers = receivers_of(scouts, sigmas=SCOUT_SIGMAS_M, times=SCOUT_TIMES_S)
+    starts = [
+        (fit_lanes(scouts, setting, course=base + shift, receivers=scout_receivers, rounds=0).log_posterior, n, base + shift)
+        for n, (base, shift) in enumerate(product((np.zeros(len(observations.stations)), cumulated_course(observations)), SHIFTS_M))
+    ]
+    likeliest = max(starts)
+    fits = [fit_lanes(observations, setting, course=likeliest[2], receivers=receivers)]
+    unmoved = starts[len(SHIFTS_M) // 2]
+    if unmoved is not likeliest and unmoved[0] > likeliest[0] - RIVAL:
+        fits.append(fit_lanes(observations, setting, course=unmoved[2], receivers=receivers))
     return max(fits, key=lambda fit: fit.log_posterior)
 
 

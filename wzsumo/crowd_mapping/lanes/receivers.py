@@ -1,6 +1,6 @@
 """Receivers: classes of how a trace's position errs, from centimetres to metres, and one for vehicles that follow no lane."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,8 @@ TIMES_S = (30.0, 100.0, 300.0)  # over which the error of positions is correlate
 STRAY_SIGMA_M, STRAY_TIME_S = 8.0, 200.0  # a vehicle that keeps to no lane: anywhere on the road
 STRAY_SHARE = 0.02
 PSEUDOCOUNT = 1.0  # of each class
+SCOUTS = 20  # traces on which a fit is tried
+SCOUT_SIGMAS_M, SCOUT_TIMES_S = (0.4, 1.0, 2.0, 4.0), (60.0,)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,3 +50,15 @@ def shares_after(class_share: FloatArray) -> FloatArray:
     shares = counts / counts.sum()
     shares[-1] = min(shares[-1], 0.3)
     return np.asarray(shares / shares.sum())
+
+
+def scouts_of(observations: Observations) -> Observations:
+    """Some of the traces, evenly chosen: enough to try a fit."""
+    n = len(observations.ids)
+    if n <= SCOUTS:
+        return observations
+    chosen = np.unique(np.linspace(0, n - 1, SCOUTS).astype(int))
+    return replace(
+        observations, offset=observations.offset[chosen], eta=observations.eta[chosen], variance=observations.variance[chosen],
+        speed=observations.speed[chosen], slowness=observations.slowness[chosen], ids=tuple(observations.ids[i] for i in chosen),
+    )  # fmt: skip
