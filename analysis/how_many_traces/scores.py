@@ -9,7 +9,7 @@ from generator import GeneratedZone
 from zones import ZONES
 
 from wzsumo.case.plans import nominal_guide
-from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.crowd_mapping.lane_model import LaneStructure
 from wzsumo.crowd_mapping.occupancy import occupancy_grid, p_occupied
 from wzsumo.frames import BoolArray, FloatArray

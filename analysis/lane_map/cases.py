@@ -11,7 +11,7 @@ import shapely
 from layouts import Layout
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.scenario.road_before import read_map_before
 
 FOOT_M = 0.3048

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from wzsumo.cli import main
-from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.files.ros_map import read_map
 from wzsumo.grid import UNKNOWN, OccupancyGrid, blank_grid
 from wzsumo.road import RoadSpec

@@ -12,15 +12,15 @@ import pandas as pd
 from wzsumo.case.crowd import Crowd, learn_from, witness_reach_m
 from wzsumo.case.sources import Sources
 from wzsumo.case.watch import Tell
-from wzsumo.crowd_mapping.closing.map_before import MapBefore
-from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
+from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.lane_map import LaneMap
 from wzsumo.lidar_mapping.slam_map import SlamMaps
 from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.scenario.road_before import with_road_outside
+from wzsumo.scenario.road_before import map_before_of
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
 
@@ -96,7 +96,7 @@ class CrowdMethod(MapMethod):
             cells=site.cells,
             half_width_m=scenario.vehicle.width_m / 2,
             seed=scenario.seed,
-            before=MapBefore(road=layout.road, start=layout.start, end=layout.end),
+            before=map_before_of(layout),
             witness_reach_m=witness_reach_m(scenario),
         )
         learned = self.make_of(crowd, task).grid
@@ -123,9 +123,8 @@ class TracesMethod(CrowdMethod):
         return self.make(crowd.traces, task)
 
     def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
-        """The map of the traces; outside the announced zone the lanes of a known road are free."""
-        made = self.make(traces, task)
-        return made._replace(grid=with_road_outside(made.grid, task.before)) if task.before else made
+        """The map of the traces, joined to the road before where that is known."""
+        return self.make(traces, task)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

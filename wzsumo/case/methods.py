@@ -17,7 +17,8 @@ from wzsumo.case.map_method import (
     Source,
     TracesMethod,
 )
-from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
+from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
 from wzsumo.crowd_mapping.mixture.maps import squares_map, swept_map
 from wzsumo.errors import SpecError
 from wzsumo.grid import OccupancyGrid, cells_inside
@@ -92,15 +93,9 @@ def _swept(crowd: Crowd, task: MapTask) -> OccupancyGrid:
 
 
 def _lanes(traces: pd.DataFrame, task: MapTask) -> MadeMap:
-    made = lane_structured_map(
-        traces,
-        spec=LaneStructureSpec(vehicle_width_m=2 * task.half_width_m),
-        grid=task.cells,
-        before=task.before,
-        progress=lambda done, total: task.tell(done / total),
-    )
-    figures = {key: value for key, value in made.report.items() if key not in {"dropped", "n_dropped", "n_traces"}}
-    return MadeMap(free_witnessed_ground(made.grid, traces, reach_m=task.witness_reach_m), figures)
+    made = map_lanes(traces, before=task.before)
+    grid = occupancy_grid(made.lanes, task.cells, progress=lambda done, total: task.tell(done / total))
+    return MadeMap(free_witnessed_ground(grid, traces, reach_m=task.witness_reach_m), made.figures, made.lanes)
 
 
 def map_of_before(site: Site) -> OccupancyGrid:

@@ -8,7 +8,7 @@ import pandas as pd
 from wzsumo.case.map_method import CrowdMethod, MadeMap, MapTask, Source
 from wzsumo.case.methods import METHODS, method_named, methods_from
 from wzsumo.case.watch import Progress
-from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.errors import InputError, SpecError
 from wzsumo.geography import LocalFrame
 from wzsumo.grid import OccupancyGrid, blank_grid

@@ -15,7 +15,7 @@ from wzsumo.case.traces_map import crowd_method, map_of_traces
 from wzsumo.commands.arguments import add_out_folder, add_reading, cell_edge_m, column_names, number, seed
 from wzsumo.commands.progress import progress_bar
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
-from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
+from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.errors import InputError
 from wzsumo.feeds.publication import verified_zone
 from wzsumo.files.fixes.fixes import Fixes

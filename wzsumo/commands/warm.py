@@ -8,7 +8,6 @@ import pandas as pd
 
 from wzsumo.case.crowd import learn_from
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
-from wzsumo.grid import blank_grid
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,8 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:  # noqa: ARG001 - every command gets its arguments
     """Compile every numba kernel once, so that the first run does not wait for it."""
-    from wzsumo.crowd_mapping.course.reference_line import axis_of
-    from wzsumo.crowd_mapping.lane_structure import LaneStructureSpec, lane_structured_map
+    from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
+    from wzsumo.crowd_mapping.reference_line import axis_of
     from wzsumo.lidar_mapping import slam_map
     from wzsumo.metrics import fleet_conflicts
     from wzsumo.planning import plan
@@ -31,6 +30,5 @@ def run(args: argparse.Namespace) -> dict[str, Any]:  # noqa: ARG001 - every com
         pd.DataFrame({"vehicle_id": f"v{n}", "time_s": s / 20, "x_m": s, "y_m": 0.2 * n + 0.01 * np.sin(s)}) for n in range(4)
     )
     learn_from(traces, road=axis_of(np.array([[0.0, 0.0], [300.0, 0.0]])), spec=MixtureSpec(k_max=4), seed=1)
-    cells = blank_grid((-10.0, -10.0, 310.0, 10.0), resolution=0.5, p_occupied=1.0)
-    lane_structured_map(traces, spec=LaneStructureSpec(posted_speed_mph=45), grid=cells)
+    map_lanes(traces)
     return {"warm": True}

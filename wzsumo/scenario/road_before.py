@@ -6,16 +6,18 @@ import numpy as np
 import pandas as pd
 from pydantic import Field
 
-from wzsumo.announced_zone import ESTIMATED_SD_M, VERIFIED_SD_M, AnnouncedZone
-from wzsumo.crowd_mapping.closing.map_before import MapBefore
+from wzsumo.announced_zone import VERIFIED_SD_M, AnnouncedZone
+from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.errors import InputError, SpecError
 from wzsumo.geography import LocalFrame
-from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.road import Road, RoadSpec
 from wzsumo.scenario.scenario import load_scenario
 from wzsumo.spec import Spec, parse_spec, read_toml
 from wzsumo.units import METRES_PER_FOOT
+from wzsumo.work_zone import WorkZoneLayout
 
+# A zone of a plan, set out on the road: between WZDx's verified (15 m) and estimated (150 m). Chosen by us
+PLANNED_SD_FT = 200.0
 MAX_FIX_DISTANCE_M = 5.0  # a fix farther from the pavement than a GNSS error is not on the road; chosen by us
 
 
@@ -24,8 +26,8 @@ class AnnouncedSection(Spec):
 
     start_ft: float = Field(ge=0)  # first device
     end_ft: float = Field(gt=0)  # last device
-    start_sd_ft: float = Field(ESTIMATED_SD_M / METRES_PER_FOOT, gt=0)  # how well they are known: standard deviations
-    end_sd_ft: float = Field(ESTIMATED_SD_M / METRES_PER_FOOT, gt=0)
+    start_sd_ft: float = Field(PLANNED_SD_FT, gt=0)  # how well they are known: standard deviations
+    end_sd_ft: float = Field(PLANNED_SD_FT, gt=0)
 
 
 class RoadBefore(Spec):
@@ -50,10 +52,7 @@ def read_road_spec(path: Path) -> tuple[Road, LocalFrame | None, AnnouncedZone |
     if "work_zone" in content:
         scenario = load_scenario(path)
         layout = scenario.layout()
-        announced = AnnouncedZone(
-            start_m=layout.start, end_m=layout.end, start_sd_m=VERIFIED_SD_M, end_sd_m=VERIFIED_SD_M, source=str(path)
-        )
-        return layout.road, scenario.road.frame, announced
+        return layout.road, scenario.road.frame, _reported_zone(layout, source=str(path))
     spec = parse_spec(RoadBefore, content, source=str(path))
     road = spec.road.build()
     return road, spec.road.frame, _zone(spec.announced, road, path) if spec.announced else None
@@ -73,9 +72,18 @@ def read_map_before(path: Path) -> MapBefore:
 
 def map_before(road: Road, announced: AnnouncedZone | None) -> MapBefore:
     """The road with the ends of the zone on it; a zone that nobody announced may be anywhere on the road."""
-    if announced is None:
-        return MapBefore(road=road, start=0.0, end=road.length)
-    return MapBefore(road=road, start=max(announced.start_m, 0.0), end=min(announced.end_m, road.length))
+    return MapBefore(road=road, announced=announced)
+
+
+def map_before_of(layout: WorkZoneLayout) -> MapBefore:
+    """The road before a zone of our own layout, and where its crew reports it: as exactly as receivers measure."""
+    return MapBefore(road=layout.road, announced=_reported_zone(layout, source="layout"))
+
+
+def _reported_zone(layout: WorkZoneLayout, *, source: str) -> AnnouncedZone:
+    return AnnouncedZone(
+        start_m=layout.start, end_m=layout.end, start_sd_m=VERIFIED_SD_M, end_sd_m=VERIFIED_SD_M, source=source
+    )
 
 
 def _zone(spec: AnnouncedSection, road: Road, path: Path) -> AnnouncedZone:
@@ -112,13 +120,3 @@ def check_on_road(traces: pd.DataFrame, before: MapBefore, *, source: str, road_
         raise InputError(
             f"{source}: most vehicles drive against the road of {road_source}; its points must run in their direction of travel"
         )
-
-
-def with_road_outside(grid: OccupancyGrid, before: MapBefore) -> OccupancyGrid:
-    """The map with the lanes outside the announced zone free, since the road there is as it was before."""
-    road = before.road
-    lanes = np.zeros(grid.shape, dtype=bool)
-    for start, end in ((0.0, before.start), (before.end, road.length)):
-        if start < end:
-            lanes |= cells_inside(grid, road.strip(start, end, 0.0, road.own_width))
-    return grid.with_p_occupied(np.where(lanes, 0.0, grid.p_occupied))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.course.reference_line import axis_of
+from wzsumo.crowd_mapping.reference_line import axis_of
 from wzsumo.crowd_mapping.mixture.maps import (
     MixtureSpec,
     driven_lines,

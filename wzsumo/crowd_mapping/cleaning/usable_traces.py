@@ -7,9 +7,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from wzsumo.crowd_mapping.cleaning.station_table import tabulate
 from wzsumo.crowd_mapping.cleaning.usable_fixes import UsableTraces, merge_dropped, usable_fixes
-from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
-from wzsumo.crowd_mapping.course.station_table import tabulate
+from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 

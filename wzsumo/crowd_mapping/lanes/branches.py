@@ -1,43 +1,37 @@
 """Branches: ground beside the lanes that several vehicles drove, such as ramps and auxiliary lanes."""
 
 import numpy as np
-from scipy.special import ndtr
 
 from wzsumo.crowd_mapping.lanes.fit import LaneFit
 from wzsumo.crowd_mapping.lanes.observations import Observations
+from wzsumo.crowd_mapping.lanes.witnesses import MIN_WITNESSES, misplaced_share, witnesses
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.lane_map import MappedBranch
 
-MIN_WITNESSES = 2  # one is not enough
 BESIDE_M = 0.4  # beyond the lanes' outer lines, from which on a vehicle's middle is beside them
 MAX_SPREAD_M = 2.5  # between neighbouring vehicles on one branch
 MAX_STEP_M = 3.0  # of a branch from station to station
 MIN_LENGTH_M = 40.0
-MAX_SIGMA_M = 1.2  # of a receiver whose word counts
 
 
-def find_branches(fit: LaneFit, observations: Observations, *, odd: BoolArray, width: float) -> tuple[MappedBranch, ...]:
-    """Branches on either side of the lanes. `odd` (traces,) marks vehicles that bear no witness."""
-    offset = fit.course.offset + fit.setting.base
-    right = offset - fit.course.width / 2
+def find_branches(
+    fit: LaneFit, observations: Observations, *, slow: BoolArray, removed_shift: float, width: float
+) -> tuple[MappedBranch, ...]:
+    """Strips of a width [m] on either side of the lanes, each driven by more witnesses than receivers that err explain."""
+    right = fit.course.offset + fit.setting.base - fit.course.width / 2
     left = right + fit.setting.n_lanes * fit.course.width
-    reliable = (~odd) & (fit.sigma < MAX_SIGMA_M) & (fit.stray < 0.5)
-    needed = MIN_WITNESSES + _misplaced_share(fit) * len(observations.ids)
-    off_lane = (observations.eta > 0) & (fit.burst > 0.5) & reliable[:, None]
+    needed = MIN_WITNESSES + misplaced_share(fit) * len(observations.ids)
+    off_lane = (observations.eta > 0) & (fit.burst > 0.5) & witnesses(fit, slow=slow)
     y = observations.offset
     found = []
     for beside in (off_lane & (y > left + BESIDE_M), off_lane & (y < right - BESIDE_M)):
-        found += _branches(y, beside, observations, shift=fit.course.shift, width=width, needed=needed)
+        found += _branches(y, beside, observations, shift=removed_shift, width=width, needed=needed)
     return tuple(found)
 
 
-def _misplaced_share(fit: LaneFit) -> float:
-    """Share of the traces that seem to be beside the lanes, on one side, because their receivers err by half a lane."""
-    shares = fit.class_share[:, :-1].mean(axis=0)
-    return float((shares * ndtr(-fit.course.width / 2 / fit.receivers.sigma[:-1])).sum())
-
-
-def _branches(y: FloatArray, beside: BoolArray, observations: Observations, *, shift: float, width: float, needed: float) -> list[MappedBranch]:
+def _branches(
+    y: FloatArray, beside: BoolArray, observations: Observations, *, shift: float, width: float, needed: float
+) -> list[MappedBranch]:
     open_runs: list[list[tuple[int, float, set[int]]]] = []
     done: list[list[tuple[int, float, set[int]]]] = []
     for t in range(y.shape[1]):
@@ -73,6 +67,4 @@ def _groups(rows: np.ndarray, y: FloatArray) -> list[tuple[float, set[int]]]:
     """(median offset, traces) of groups of MIN_WITNESSES or more neighbours."""
     order = rows[np.argsort(y[rows])]
     cuts = np.flatnonzero(np.diff(y[order]) > MAX_SPREAD_M) + 1
-    return [
-        (float(np.median(y[part])), set(part.tolist())) for part in np.split(order, cuts) if len(part) >= MIN_WITNESSES
-    ]
+    return [(float(np.median(y[part])), set(part.tolist())) for part in np.split(order, cuts) if len(part) >= MIN_WITNESSES]

@@ -58,7 +58,9 @@ class Course:
 
 
 @numba.njit(cache=True, nogil=True)
-def _information(y, weight, x, rho, sigma2):
+def _information(
+    y: FloatArray, weight: FloatArray, x: FloatArray, rho: FloatArray, sigma2: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """(H (m + 1, m + 1), g (m + 1,)): information about D and a factor of x, summed over traces."""
     n, m = y.shape
     h = np.zeros((m + 1, m + 1))
@@ -126,8 +128,7 @@ def fit_course(
     prior: CoursePrior,
     start: FloatArray,
 ) -> Course:
-    """The course of traces with offsets (n, m) [m], information `weight` (n, m) [1/m^2] and expected lanes `position` (n, m).
-    """
+    """The course of traces with offsets (n, m) [m], information `weight` (n, m) [1/m^2] and expected lanes `position` (n, m)."""
     m = offset.shape[1]
     h, g = _information(offset, weight, position, rho, sigma**2)
     known = prior.known

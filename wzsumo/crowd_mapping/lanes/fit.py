@@ -1,6 +1,6 @@
 """Fits of the model of lanes: expectation-maximisation over lanes driven, receivers and course."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -54,7 +54,12 @@ class LaneFit:
 
 
 def fit_lanes(
-    observations: Observations, setting: LaneSetting, *, course: FloatArray, receivers: Receivers | None = None, rounds: int = ROUNDS,
+    observations: Observations,
+    setting: LaneSetting,
+    *,
+    course: FloatArray,
+    receivers: Receivers | None = None,
+    rounds: int = ROUNDS,
     shares: FloatArray | None = None,
 ) -> LaneFit:
     """The fit that begins at a course (m,) [m], relative to `base`."""
@@ -79,35 +84,36 @@ def fit_lanes(
 
 
 def _expect(
-    observations: Observations, setting: LaneSetting, chain: LaneChain, course: Course, receivers: Receivers, shares: FloatArray,
+    observations: Observations,
+    setting: LaneSetting,
+    chain: LaneChain,
+    course: Course,
+    receivers: Receivers,
+    shares: FloatArray,
     lane_start: FloatArray,
 ) -> LaneFit:
-    n, m = observations.offset.shape
     start = np.full(len(chain.position), 1e-4)
     start[: setting.n_lanes] = lane_start
     start[chain.burst] = 0.01 * lane_start
     start /= start.sum()
-    allowed = np.ones((m, len(chain.position)))
+    allowed = np.ones((len(observations.stations), len(chain.position)))
     for lane, first, last in setting.closed:
         allowed[first : last + 1, (np.rint(chain.position) == lane) & ~chain.burst] = IN_CLOSED_LANE
-    state_share = np.zeros((n, m, len(chain.position)))
-    class_share, log_likelihood = np.zeros((n, len(receivers.sigma))), np.zeros(n)
-    smooth_traces(
-        observations.offset, observations.eta, observations.variance, observations.spacing, allowed, setting.base + course.offset, course.width, chain.position,
-        chain.burst, chain.first, chain.source, chain.probability, chain.back_first, chain.back_source, chain.back_probability,
-        chain.stationary, start, receivers.rho, receivers.sigma, np.log(shares), LEAST_CLASS_SHARE, state_share, class_share,
-        log_likelihood,
+    smoothed = smooth_traces(
+        observations, chain, receivers, level=setting.base + course.offset, width=course.width, allowed=allowed, start=start,
+        class_shares=shares, least_share=LEAST_CLASS_SHARE,
     )  # fmt: skip
+    state_share = smoothed.state_share
     return LaneFit(
         setting=setting,
         course=course,
         in_lane=lane_shares(state_share, chain.position, chain.burst, setting.n_lanes),
         position=np.stack([state_share @ chain.position, state_share @ chain.position**2], axis=-1),
         burst=state_share[:, :, chain.burst].sum(axis=2),
-        class_share=class_share,
+        class_share=smoothed.class_share,
         receivers=receivers,
-        log_likelihood=log_likelihood,
-        log_posterior=float(log_likelihood.sum() + course.log_prior),
+        log_likelihood=smoothed.log_likelihood,
+        log_posterior=float(smoothed.log_likelihood.sum() + course.log_prior),
     )
 
 

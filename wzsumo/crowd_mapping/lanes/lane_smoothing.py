@@ -9,10 +9,15 @@ u, mixed by moments where states meet. The smoother multiplies it by the same fi
 prior (two-filter formula). The density of a fix is raised to the power eta, since fixes near each other share one wander.
 """
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 
-from wzsumo.frames import FloatArray, IntArray
+from wzsumo.crowd_mapping.lanes.lane_chain import LaneChain
+from wzsumo.crowd_mapping.lanes.observations import Observations
+from wzsumo.crowd_mapping.lanes.receivers import Receivers
+from wzsumo.frames import BoolArray, FloatArray, IntArray
 
 OUTLIER_SHARE = 0.02  # of single fixes, anywhere on
 OUTLIER_WIDTH_M = 15.0  # this width
@@ -21,8 +26,8 @@ OFF_LANE_SLOPE, JUMP_SHARE = 0.04, 0.2
 
 
 @numba.njit(cache=True, nogil=True)
-def _off_lane_density(y, eta, r, spacing, density):
-    """Fills density (stations,): of each fix, tempered, off the lanes, given the fix before it."""
+def _off_lane_density(y: FloatArray, eta: FloatArray, r: FloatArray, spacing: float, density: FloatArray) -> None:
+    """Fill `density` (stations,): that of each fix, tempered, off the lanes, given the fix before it."""
     last = -1
     for t in range(len(y)):
         if eta[t] > 0:
@@ -37,10 +42,11 @@ def _off_lane_density(y, eta, r, spacing, density):
 
 @numba.njit(cache=True, nogil=True)
 def _filter(
-    y, eta, r, off_lane, allowed, level, width, position, burst, first, source, probability, start, rho, sigma2, predicted, weight, mean,
-    variance,
-):
-    """Log likelihood; fills weight, mean, variance (stations, states): of the predictions, or of the filtered states."""
+    y: FloatArray, eta: FloatArray, r: FloatArray, off_lane: FloatArray, allowed: FloatArray, level: FloatArray, width: float,
+    position: FloatArray, burst: BoolArray, first: IntArray, source: IntArray, probability: FloatArray, start: FloatArray,
+    rho: float, sigma2: float, predicted: bool, weight: FloatArray, mean: FloatArray, variance: FloatArray,
+) -> float:  # fmt: skip
+    """The log likelihood. Fills weight, mean, variance (stations, states) of the predictions, or of the filtered states."""
     n_stations, n_states = weight.shape
     w = start.copy()
     m = np.zeros(n_states)
@@ -103,15 +109,14 @@ def _filter(
 
 
 @numba.njit(cache=True, nogil=True)
-def smooth_traces(
-    y, eta, r, spacing, allowed, level, width, position, burst, first, source, probability, back_first, back_source, back_probability,
-    stationary, start, rho, sigma, log_shares, least_share, state_share, class_share, log_likelihood
-):  # fmt: skip
-    """Fills state_share (traces, stations, states), class_share (traces, classes) and log_likelihood (traces,).
-
-    `rho` (traces, classes) is the correlation of u between stations, `sigma` (classes,) its sd. A class that explains a trace with
-    less than `least_share` is left out of the smoothing.
-    """
+def _smooth(
+    y: FloatArray, eta: FloatArray, r: FloatArray, spacing: float, allowed: FloatArray, level: FloatArray, width: float,
+    position: FloatArray, burst: BoolArray, first: IntArray, source: IntArray, probability: FloatArray, back_first: IntArray,
+    back_source: IntArray, back_probability: FloatArray, stationary: FloatArray, start: FloatArray, rho: FloatArray,
+    sigma: FloatArray, log_shares: FloatArray, least_share: float, state_share: FloatArray, class_share: FloatArray,
+    log_likelihood: FloatArray,
+) -> None:  # fmt: skip
+    """See `smooth_traces`."""
     n_traces, n_stations = y.shape
     n_states, n_classes = len(position), len(sigma)
     w, m, v = np.empty((n_stations, n_states)), np.empty((n_stations, n_states)), np.empty((n_stations, n_states))
@@ -191,7 +196,49 @@ def smooth_traces(
                     state_share[i, t, j] += share * joint[j] / total
 
 
-def lane_shares(state_share: FloatArray, position: FloatArray, burst: IntArray, n_lanes: int) -> FloatArray:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Smoothed:
+    """Shares of states (traces, stations, states) and of receiver classes (traces, classes); log likelihoods (traces,)."""
+
+    state_share: FloatArray
+    class_share: FloatArray
+    log_likelihood: FloatArray
+
+
+def smooth_traces(
+    observations: Observations,
+    chain: LaneChain,
+    receivers: Receivers,
+    *,
+    level: FloatArray,
+    width: float,
+    allowed: FloatArray,
+    start: FloatArray,
+    class_shares: FloatArray,
+    least_share: float,
+) -> Smoothed:
+    """The smoothed states of all traces.
+
+    `level` (stations,) [m] is the offset of lane 0, `width` [m] that between lanes, `allowed` (stations, states) a factor of each
+    state's probability, `start` (states,) and `class_shares` (classes,) the prior shares. A class that explains a trace with a
+    share below `least_share` is left out of the smoothing.
+    """
+    n, m = observations.offset.shape
+    smoothed = Smoothed(
+        state_share=np.zeros((n, m, len(chain.position))),
+        class_share=np.zeros((n, len(receivers.sigma))),
+        log_likelihood=np.zeros(n),
+    )
+    _smooth(
+        observations.offset, observations.eta, observations.variance, observations.spacing, allowed, level, width,
+        chain.position, chain.burst, chain.first, chain.source, chain.probability, chain.back_first, chain.back_source,
+        chain.back_probability, chain.stationary, start, receivers.rho, receivers.sigma, np.log(class_shares), least_share,
+        smoothed.state_share, smoothed.class_share, smoothed.log_likelihood,
+    )  # fmt: skip
+    return smoothed
+
+
+def lane_shares(state_share: FloatArray, position: FloatArray, burst: BoolArray, n_lanes: int) -> FloatArray:
     """Shares (traces, stations, lanes) of being in each lane; a vehicle between two lanes is in the nearer one."""
     of_lane = np.zeros((*state_share.shape[:2], n_lanes))
     nearest = np.rint(position).astype(int)

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 import pandas as pd
 
-from wzsumo.frames import FloatArray, IntArray
+from wzsumo.frames import BoolArray, FloatArray, IntArray
 from wzsumo.road import Road
 
 SPACING_M = 20.0  # of the stations: a lane change takes 60 m and more
@@ -41,14 +41,14 @@ class Observations:
         return float(self.stations[1] - self.stations[0])
 
 
-def observe(traces: pd.DataFrame, axis: Road, *, accuracy: FloatArray | None = None) -> Observations:
+def observe(traces: pd.DataFrame, axis: Road) -> Observations:
     """Observations of a checked trace table, sorted by vehicle and time, on an axis."""
     s, d = axis.to_sd(traces[["x_m", "y_m"]].to_numpy())
     near = np.abs(d - np.median(d)) < MAX_OFFSET_M
     code, ids = pd.factorize(traces["vehicle_id"])
     low, high = np.quantile(s[near], [0.001, 0.999])
     spacing = max(min(SPACING_M, (high - low) / FEWEST_STATIONS), (high - low) / MAX_STATIONS)
-    stations = low + spacing * (np.arange(max(2, int(np.ceil((high - low) / spacing)) + 1)) - 0.0)
+    stations = low + spacing * (np.arange(max(2, int(np.ceil((high - low) / spacing)) + 1)))
     shape = (len(ids), len(stations))
     offset, eta, slowness = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     white, speed = np.zeros(len(ids)), np.zeros(len(ids))
@@ -63,7 +63,10 @@ def observe(traces: pd.DataFrame, axis: Road, *, accuracy: FloatArray | None = N
 
 
 @numba.njit(cache=True, nogil=True)
-def _tabulate(s, d, time, near, first, stations, offset, eta, slowness, white, speed):
+def _tabulate(
+    s: FloatArray, d: FloatArray, time: FloatArray, near: BoolArray, first: IntArray, stations: FloatArray, offset: FloatArray,
+    eta: FloatArray, slowness: FloatArray, white: FloatArray, speed: FloatArray,
+) -> None:  # fmt: skip
     """Fill the arrays, trace by trace."""
     spacing = stations[1] - stations[0]
     n_stations = len(stations)
@@ -80,7 +83,7 @@ def _tabulate(s, d, time, near, first, stations, offset, eta, slowness, white, s
             at = stations[t]
             right = np.searchsorted(cell_s, at)
             left = right - 1
-            if 0 <= left and right < k and cell_s[right] - cell_s[left] <= max(MAX_BRIDGE_M, spacing):
+            if left >= 0 and right < k and cell_s[right] - cell_s[left] <= max(MAX_BRIDGE_M, spacing):
                 share = (at - cell_s[left]) / (cell_s[right] - cell_s[left])
                 offset[i, t] = cell_d[left] + share * (cell_d[right] - cell_d[left])
                 eta[i, t] = min(1.0, spacing / WANDER_LENGTH_M)
@@ -88,8 +91,9 @@ def _tabulate(s, d, time, near, first, stations, offset, eta, slowness, white, s
             else:
                 best = -1
                 for c in (left, right):
-                    if 0 <= c < k and abs(cell_s[c] - at) <= spacing / 2 and (best < 0 or abs(cell_s[c] - at) < abs(cell_s[best] - at)):
-                        best = c
+                    if 0 <= c < k and abs(cell_s[c] - at) <= spacing / 2:
+                        if best < 0 or abs(cell_s[c] - at) < abs(cell_s[best] - at):
+                            best = c
                 if best >= 0:
                     offset[i, t] = cell_d[best]
                     gap = 1e9
@@ -102,7 +106,9 @@ def _tabulate(s, d, time, near, first, stations, offset, eta, slowness, white, s
 
 
 @numba.njit(cache=True, nogil=True)
-def _cells(s, d, time, near, size, origin, n_stations):
+def _cells(
+    s: FloatArray, d: FloatArray, time: FloatArray, near: BoolArray, size: float, origin: float, n_stations: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """(stations, offsets, counts, times) of the means of fixes in cells of `size` [m], by station."""
     n_cells = int(np.ceil((n_stations + 1) * 2)) + 4
     total = np.zeros((n_cells, 3))
@@ -120,7 +126,7 @@ def _cells(s, d, time, near, size, origin, n_stations):
 
 
 @numba.njit(cache=True, nogil=True)
-def _white_noise(s, d):
+def _white_noise(s: FloatArray, d: FloatArray) -> float:
     """Robust sd [m] of what is independent from cell to cell: second differences (variance 6 r) of neighbours."""
     k = len(s)
     size = np.empty(max(k - 2, 0))
@@ -137,7 +143,7 @@ def _white_noise(s, d):
 
 
 @numba.njit(cache=True, nogil=True)
-def _median_speed(s, d, time):
+def _median_speed(s: FloatArray, d: FloatArray, time: FloatArray) -> float:
     """Median speed [m/s] over steps of some seconds in which the vehicle moves; 10 m/s where none is known."""
     steps = np.empty(len(s))
     n = 0
@@ -151,3 +157,15 @@ def _median_speed(s, d, time):
                 n += 1
             last = j
     return np.median(steps[:n]) if n else 10.0
+
+
+def cumulated_course(observations: Observations) -> FloatArray:
+    """A course (stations,) [m] that follows the median step of the traces from station to station, and returns to its start."""
+    seen = observations.eta > 0
+    both = seen[:, 1:] & seen[:, :-1]
+    step = np.where(both, np.diff(observations.offset, axis=1), np.nan)
+    median = np.zeros(step.shape[1])
+    some = both.any(axis=0)
+    median[some] = np.nanmedian(step[:, some], axis=0)
+    course = np.r_[0.0, np.cumsum(median)]
+    return np.asarray(course - np.linspace(0, course[-1], len(course)))

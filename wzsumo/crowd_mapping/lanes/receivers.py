@@ -18,7 +18,7 @@ SCOUT_SIGMAS_M, SCOUT_TIMES_S = (0.4, 1.0, 2.0, 4.0), (60.0,)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Receivers:
-    """`sigma` (classes,) [m] and `rho` (traces, classes), the correlation from station to station; the last class is the stray."""
+    """`sigma` (classes,) [m], and the correlation `rho` (traces, classes) between stations; the last class is the stray."""
 
     sigma: FloatArray
     rho: FloatArray
@@ -29,7 +29,9 @@ class Receivers:
         return len(self.sigma) - 1
 
 
-def receivers_of(observations: Observations, *, sigmas: tuple[float, ...] = SIGMAS_M, times: tuple[float, ...] = TIMES_S) -> Receivers:
+def receivers_of(
+    observations: Observations, *, sigmas: tuple[float, ...] = SIGMAS_M, times: tuple[float, ...] = TIMES_S
+) -> Receivers:
     """The classes for some traces."""
     pairs = [(sigma, time) for sigma in sigmas for time in times] + [(STRAY_SIGMA_M, STRAY_TIME_S)]
     sigma, time = np.array(pairs).T
@@ -59,6 +61,11 @@ def scouts_of(observations: Observations) -> Observations:
         return observations
     chosen = np.unique(np.linspace(0, n - 1, SCOUTS).astype(int))
     return replace(
-        observations, offset=observations.offset[chosen], eta=observations.eta[chosen], variance=observations.variance[chosen],
-        speed=observations.speed[chosen], slowness=observations.slowness[chosen], ids=tuple(observations.ids[i] for i in chosen),
-    )  # fmt: skip
+        observations,
+        offset=observations.offset[chosen],
+        eta=observations.eta[chosen],
+        variance=observations.variance[chosen],
+        speed=observations.speed[chosen],
+        slowness=observations.slowness[chosen],
+        ids=tuple(observations.ids[i] for i in chosen),
+    )

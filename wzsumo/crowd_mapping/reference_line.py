@@ -24,7 +24,7 @@ N_CANDIDATES = 6  # longest traces that are tried as the road; chosen by us
 N_COMPARED_FIXES = 12  # of a trace, that tell whether it follows another; chosen by us
 MAX_FOLLOWING_OFFSET_M = 20.0  # five lanes
 MIN_EXTENT_M = 50.0  # a shorter trace says nothing about a road's direction; chosen by us
-MIN_ADVANCE_M = 1.0  # by which a fix is ahead of all before it; what is less is noise, or a vehicle that stands
+MIN_ADVANCE_M = 2.0  # between fixes that count: what is less is noise, or a vehicle that creeps or stands
 MIN_CHORD_SHARE = 0.5  # of a trace's arc length: where its ends are nearer, its chord says nothing about its direction
 
 
@@ -86,8 +86,12 @@ def _smooth(trace: FloatArray) -> FloatArray:
     # A vehicle that stands, or noise along its way, would fold the line back: only steps forward count.
     direction = trace[-1] - trace[0]
     chord = trace @ direction / np.hypot(*direction)
-    ahead = np.concatenate([[True], chord[1:] > np.maximum.accumulate(chord)[:-1] + MIN_ADVANCE_M])
-    fixes = trace[ahead] if np.hypot(*direction) > MIN_CHORD_SHARE * arc_length(trace)[-1] else _thinned(trace)
+    furthest = np.floor(np.maximum.accumulate(chord - chord[0]) / MIN_ADVANCE_M)
+    fixes = (
+        trace[np.concatenate([[True], np.diff(furthest) > 0])]
+        if np.hypot(*direction) > MIN_CHORD_SHARE * arc_length(trace)[-1]
+        else _thinned(trace)
+    )
     return _spline(arc_length(fixes), fixes)
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
+from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 

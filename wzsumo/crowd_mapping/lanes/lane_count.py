@@ -1,48 +1,37 @@
-"""The lane map of traces alone: how many lanes they drove in, and where these lie."""
+"""The fit of traces alone: how many lanes they drove in, and where these lie."""
 
 import numpy as np
-import pandas as pd
 
-from wzsumo.crowd_mapping.course.reference_line import reference_line_from_traces
-from wzsumo.crowd_mapping.lanes.closures import ClosurePrior, fit_closures
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
-from wzsumo.crowd_mapping.lanes.joined import cumulated_course, lane_map_of
-from wzsumo.crowd_mapping.lanes.observations import Observations, observe
+from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
 from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
 from wzsumo.frames import FloatArray
-from wzsumo.lane_map import LaneMap
-from wzsumo.tapers import merging_taper_m
 
 MAX_LANES = 6
-LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.6, 0.12  # AASHTO 12 ft, MUTCD down to 10 ft
-LEAST_USERS = 1.5  # of an outer lane: one witness is not enough
-LEVELS_PER_LANE = 5
+LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.6, 0.12  # 12 ft on freeways (AASHTO Green Book), down to 10 in zones (MUTCD 6G)
+MIN_USERS = 1.5  # of an outer lane: one trace adds no lane
+LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3
-LOG_PRIOR_PER_LANE = -8.0  # a further lane must be worth more than two independent traces that may be wrong by a lane
-HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is
+LOG_PRIOR_PER_LANE = -8.0  # a lane must be worth more than a few receivers that may err by a lane
+HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is made
 
 
-def map_alone(traces: pd.DataFrame, *, speed_mps: float, debug: dict | None = None) -> LaneMap:
-    observations = observe(traces, reference_line_from_traces(traces))
-    fits = candidate_fits(observations)
-    best = max(fits, key=score)
-    taper = merging_taper_m(speed_mps, width_m=best.course.width)
-    best, closures = fit_closures(best, observations, ClosurePrior(announced=None, taper_m=taper, shoulders=(0.0, 0.0)))
-    if debug is not None:
-        debug.update(fit=best, fits=fits, closures=closures, observations=observations)
-    return lane_map_of(best, closures, observations, traces, taper=taper)
+def fit_lane_count(observations: Observations) -> LaneFit:
+    """The likeliest fit over the numbers of lanes."""
+    return max(_rival_fits(observations), key=score)
 
 
 def score(fit: LaneFit) -> float:
-    users = fit.in_lane.max(axis=1).sum(axis=0) if fit.in_lane.size else np.zeros(1)
-    least = min(LEAST_USERS, 0.5 * len(fit.in_lane))
-    missing = (users[0] < least) + (users[-1] < least) if fit.setting.n_lanes > 1 else 0
-    return fit.log_posterior + LOG_PRIOR_PER_LANE * fit.setting.n_lanes - 1e6 * missing
+    """Log posterior with the prior of the number of lanes; a fit whose outer lanes lack users is out of the question."""
+    users = fit.in_lane.max(axis=1).sum(axis=0)
+    least = min(MIN_USERS, 0.5 * len(fit.in_lane))
+    lacking = int(users[0] < least) + int(users[-1] < least) if fit.setting.n_lanes > 1 else 0
+    return fit.log_posterior + LOG_PRIOR_PER_LANE * fit.setting.n_lanes - 1e6 * lacking
 
 
-def candidate_fits(observations: Observations) -> list[LaneFit]:
-    """Fits with as many lanes as some traces make likely, the likeliest last."""
+def _rival_fits(observations: Observations) -> list[LaneFit]:
+    """Fits to all traces, with the numbers of lanes that some traces make likely."""
     scouts = scouts_of(observations)
     receivers = receivers_of(scouts, sigmas=SCOUT_SIGMAS_M, times=SCOUT_TIMES_S)
     everyone = receivers_of(observations)
@@ -56,15 +45,16 @@ def candidate_fits(observations: Observations) -> list[LaneFit]:
                 (fit_lanes(scouts, setting, course=base + c, receivers=receivers, rounds=0).log_posterior, base + c)
                 for c in _candidate_centres(levels, n_lanes)
             ]
-            fit = fit_lanes(scouts, setting, course=max(tried, key=lambda pair: pair[0])[1], receivers=receivers, rounds=SCOUT_ROUNDS)
+            fit = fit_lanes(
+                scouts, setting, course=max(tried, key=lambda pair: pair[0])[1], receivers=receivers, rounds=SCOUT_ROUNDS
+            )
             if n_lanes not in best or fit.log_posterior > best[n_lanes][0]:
                 best[n_lanes] = (fit.log_posterior, fit)
             if score(fit) < max(score(one) for _, one in best.values()) - HOPELESS:
                 break
     likeliest = max(score(fit) for _, fit in best.values())
     starts = [fit for _, fit in best.values() if score(fit) > likeliest - RIVAL]
-    fits = [fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone) for fit in starts]
-    return sorted(fits, key=score)
+    return [fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone) for fit in starts]
 
 
 def _setting(n_lanes: int, observations: Observations) -> LaneSetting:

@@ -1,1 +1,0 @@
-"""Lane hypotheses: patterns of lanes, closures and their ends, and how well the traces agree with each."""

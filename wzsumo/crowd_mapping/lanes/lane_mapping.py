@@ -1,0 +1,110 @@
+"""The lane map of a trace table: joined to the road before the zone, or of the traces alone."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from wzsumo.crowd_mapping.cleaning.station_table import percentile_85_speed
+from wzsumo.crowd_mapping.lanes.branches import find_branches
+from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closures, p_open_strips, slow_stretches
+from wzsumo.crowd_mapping.lanes.doubts import said_of_lanes, said_of_shift, said_of_traces
+from wzsumo.crowd_mapping.lanes.fit import LaneFit
+from wzsumo.crowd_mapping.lanes.lane_count import fit_lane_count
+from wzsumo.crowd_mapping.lanes.observations import Observations, observe
+from wzsumo.crowd_mapping.lanes.road_fit import fit_to_road
+from wzsumo.crowd_mapping.lanes.witnesses import open_where_driven, share_of_fixes
+from wzsumo.crowd_mapping.map_before import MapBefore
+from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
+from wzsumo.lane_map import LaneMap, MappedLane
+from wzsumo.tapers import merging_taper_m
+
+STRIPS = 8  # across a lane
+EDGE_SD_M = 0.06  # of an edge, however many traces there are: drivers as a whole are off the lanes' middles. Chosen by us
+ROAD_OFF_M = 2.5  # a larger common shift is the road's, not the receivers': their ionosphere and clocks give 2 m at most
+BRANCH_WIDTH_SHARE = 0.9  # of a lane's width that is free around the middle of the traces of a branch
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MappedLanes:
+    """The lane map of some traces, and figures about it, units in the names."""
+
+    lanes: LaneMap
+    figures: dict[str, Any]
+
+
+def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> MappedLanes:
+    """The lane map of usable traces (sorted by vehicle and time).
+
+    `before` is the road before the zone and where the zone is announced, where that is known. No random numbers are drawn: the
+    same traces give the same map. Raises TraceError where no trace is long enough to show a road.
+    """
+    axis = before.road if before else reference_line_from_traces(traces)
+    observations = observe(traces, axis)
+    fit = fit_to_road(observations, before) if before else fit_lane_count(observations)
+    prior = _closure_prior(traces, before, width=fit.course.width)
+    fit, closures = fit_closures(fit, observations, prior)
+    slow = slow_stretches(observations)
+    removed = fit.course.shift if before and abs(fit.course.shift) < ROAD_OFF_M else 0.0
+    lanes = _mapped_lanes(fit, closures, observations, removed_shift=removed, taper_m=prior.taper_m)
+    lanes, overruled = open_where_driven(lanes, fit, observations, slow=slow)
+    branches = find_branches(fit, observations, slow=slow, removed_shift=removed, width=BRANCH_WIDTH_SHARE * fit.course.width)
+    on_free, on_occupied = share_of_fixes(lanes, fit, observations)
+    odd, odd_words = said_of_traces(fit, observations, slow=slow, lanes=lanes)
+    warnings = (
+        *(said_of_shift(fit.course, has_road=before is not None, removed=removed)),
+        *overruled,
+        *said_of_lanes(lanes, fit, observations, branches=branches),
+        *odd_words,
+    )
+    lane_map = LaneMap(
+        axis=axis, stations=observations.stations, lanes=lanes, branches=branches, n_traces=len(observations.ids),
+        first_time_s=float(traces["time_s"].min()), last_time_s=float(traces["time_s"].max()), warnings=warnings,
+    )  # fmt: skip
+    figures = {
+        "open_lanes": sum(closure.p_closed < 0.5 for closure in closures),
+        "lanes": len(lanes),
+        "lane_width_m": fit.course.width,
+        "lane_width_sd_m": fit.course.width_sd,
+        "common_shift_m": fit.course.shift if before else None,
+        "common_shift_sd_m": fit.course.shift_sd if before else None,
+        "receiver_error_m": float(np.median(fit.sigma)),
+        "p_closed": [closure.p_closed for closure in closures],
+        "fixes_on_free_share": on_free,
+        "fixes_on_occupied_share": on_occupied,
+        "odd_traces": odd,
+        "branches": len(branches),
+        "warnings": list(warnings),
+    }
+    return MappedLanes(lanes=lane_map, figures=figures)
+
+
+def _closure_prior(traces: pd.DataFrame, before: MapBefore | None, *, width: float) -> ClosurePrior:
+    announced = before.announced if before else None
+    speed = announced.speed_mps if announced and announced.speed_mps else percentile_85_speed(traces)
+    shoulders = (0.0, 0.0)
+    if before:
+        left = 0.0 if before.road.opposing_lanes else before.road.left_shoulder
+        shoulders = (before.road.right_shoulder / width, left / width)
+    return ClosurePrior(announced=announced, taper_m=merging_taper_m(speed, width_m=width), shoulders=shoulders)
+
+
+def _mapped_lanes(
+    fit: LaneFit, closures: list[Closure], observations: Observations, *, removed_shift: float, taper_m: float
+) -> tuple[MappedLane, ...]:
+    course, n_lanes = fit.course, fit.setting.n_lanes
+    middle = course.offset - removed_shift + fit.setting.base
+    edges = [middle + (lane - 0.5) * course.width for lane in range(n_lanes + 1)]
+    centre = (n_lanes - 1) / 2
+    sds = [np.sqrt(course.sd**2 + EDGE_SD_M**2 + ((lane - 0.5 - centre) * course.width_sd) ** 2) for lane in range(n_lanes + 1)]
+    return tuple(
+        MappedLane(
+            right=edges[lane], left=edges[lane + 1], right_sd=sds[lane], left_sd=sds[lane + 1],
+            p_open=p_open_strips(
+                closure, observations.stations, outer_left=2 * lane > n_lanes - 1, taper_m=taper_m, strips=STRIPS
+            ),
+            n_traces=int((fit.in_lane[:, :, lane].max(axis=1) > 0.5).sum()),
+        )
+        for lane, closure in enumerate(closures)
+    )  # fmt: skip
