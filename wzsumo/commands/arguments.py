@@ -42,6 +42,17 @@ def column_names(words: list[str]) -> dict[str, str]:
     return dict(word.split("=", 1) for word in words)
 
 
+def compass_bearing(text: str) -> float:
+    """Degrees clockwise from north of a text: a compass point, or a number."""
+    points = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
+    if text.upper() in points:
+        return 22.5 * points.index(text.upper())
+    bearing = number(text)
+    if not 0 <= bearing < 360:
+        raise argparse.ArgumentTypeError(f"{text!r} must be a compass point (N, NE, ...) or degrees from 0 to below 360")
+    return bearing
+
+
 def seed(text: str) -> int:
     """The seed of a text: a whole number of 0 or more."""
     if not text.isdigit():

@@ -12,7 +12,7 @@ import pandas as pd
 from wzsumo.case.map_method import Source
 from wzsumo.case.methods import DEFAULT_METHOD, methods_from
 from wzsumo.case.traces_map import crowd_method, map_of_traces
-from wzsumo.commands.arguments import add_out_folder, add_reading, cell_edge_m, column_names, number, seed
+from wzsumo.commands.arguments import add_out_folder, add_reading, cell_edge_m, column_names, compass_bearing, number, seed
 from wzsumo.commands.progress import progress_bar
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
@@ -71,6 +71,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--shoulders-ft", nargs=2, type=number, metavar=("LEFT", "RIGHT"), help="of a road from a network, which has none"
     )
+    parser.add_argument(
+        "--direction", type=compass_bearing, metavar="N|NE|...|DEG",
+        help="map the vehicles that drive this way: a compass point, or degrees clockwise from north (+y)",
+    )  # fmt: skip
     parser.add_argument("--resolution-m", type=cell_edge_m, default=0.127, help="edge of a cell (default 0.127 m, 5 in)")
     parser.add_argument("--seed", type=seed, default=1)
 
@@ -83,7 +87,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """
     method, source = crowd_method(args.method, road=args.road), " ".join(map(str, args.traces))
     fixes = read_fixes(args.traces, columns=column_names(args.columns), crs=args.crs)
-    usable = usable_traces(fixes.table, source=source)
+    heading = None if args.direction is None else math.pi / 2 - math.radians(args.direction)
+    usable = usable_traces(fixes.table, source=source, heading_rad=heading)
     n_fixes, traces = len(fixes.table), usable.traces
     fixes = replace(fixes, table=fixes.table.iloc[:0])  # it may hold millions of fixes
     _print_dropped(usable.dropped)

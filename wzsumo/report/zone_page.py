@@ -98,7 +98,9 @@ def write_zone_page(content: LanesFile, folder: Path, *, announced: AnnouncedZon
 def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[str, Any]:
     """Shapes of the map in the units of its drawing, north (or y) up."""
     lanes = content.lanes
-    ground = lanes.to_xy(lanes.stations, lanes.axis.own_width / 2)
+    outer = (lanes.lanes[0].right, lanes.lanes[-1].left)
+    centre = float(np.mean(outer))
+    ground = lanes.to_xy(lanes.stations, np.mean(outer, axis=0))
     turn = 0.0 if content.frame is None else np.pi / 2 - content.frame.north_at(ground[len(ground) // 2])
     to_north = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     low, high = (ground @ to_north.T).min(axis=0), (ground @ to_north.T).max(axis=0)
@@ -110,11 +112,12 @@ def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[st
         moved = (xy @ to_north.T - middle) * scale
         return np.column_stack([MAP_WIDTH / 2 + moved[:, 0], height / 2 - moved[:, 1]])
 
-    width = max(scale * lanes.axis.own_width / len(lanes.lanes), LEAST_LANE_WIDTH)
-    spread = width / (scale * lanes.axis.own_width / len(lanes.lanes))  # lanes are drawn apart where they would be hairlines
+    true_width = scale * float(np.mean(outer[1] - outer[0])) / len(lanes.lanes)
+    width = max(true_width, LEAST_LANE_WIDTH)
+    spread = width / true_width  # lanes are drawn apart where they would be hairlines
     shapes = []
     for index, lane in enumerate(lanes.lanes):
-        offset = lanes.axis.own_width / 2 + (lane.middle - lanes.axis.own_width / 2) * spread
+        offset = np.mean(outer, axis=0) + (lane.middle - np.mean(outer, axis=0)) * spread
         for state, colour in (("closed", VERMILION), ("open", BLUE)):
             for first, last in getattr(lanes, f"{state}_intervals")(index):
                 s = np.linspace(first, last, 80)
@@ -123,7 +126,7 @@ def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[st
     marks = []
     for name in ("start", "end") if announced else ():
         s = getattr(announced, f"{name}_m")
-        across = place(lanes.to_xy([s, s], lanes.axis.own_width / 2 + np.array([-14.0, 14.0]) / scale))
+        across = place(lanes.to_xy([s, s], centre + np.array([-14.0, 14.0]) / scale))
         x, y = float(across[0, 0]), float(across[:, 1].min()) - 4
         marks.append({"points": _points(across), "name": f"announced {name}", "x": round(x, 1), "y": round(y, 1)})
     bar = _round_length(160.0 / scale)

@@ -52,15 +52,18 @@ def tabulate(traces: pd.DataFrame, axis: Road, *, stations: FloatArray | None = 
         low, high = np.quantile(s, END_QUANTILES)
         stations = np.arange(low, high + STATION_SPACING_M, STATION_SPACING_M)
     code, ids = pd.factorize(traces["vehicle_id"])
+    first = np.flatnonzero(np.diff(code, prepend=-1))  # a checked table is sorted by vehicle and time
+    progress = s[np.append(first[1:], len(s)) - 1] - s[first]
+    along = (progress > -MIN_PROGRESS_M)[code]  # those that run against the others may be on the other carriageway
+    middle = np.median(d[along]) if along.any() else np.median(d)
     cell = np.floor((s - stations[0]) / STATION_SPACING_M + 0.5).astype(int)
-    inside = (cell >= 0) & (cell < len(stations)) & (np.abs(d - np.median(d)) < MAX_FIX_OFFSET_M)
+    inside = (cell >= 0) & (cell < len(stations)) & (np.abs(d - middle) < MAX_FIX_OFFSET_M)
     flat = code[inside] * len(stations) + cell[inside]
     size = len(ids) * len(stations)
     count = np.bincount(flat, minlength=size)
     with np.errstate(invalid="ignore"):
         offsets = (np.bincount(flat, weights=d[inside], minlength=size) / count).reshape(len(ids), -1)
-    first = np.flatnonzero(np.diff(code, prepend=-1))  # a checked table is sorted by vehicle and time
-    reasons = _reasons_to_drop(offsets, progress=s[np.append(first[1:], len(s)) - 1] - s[first])
+    reasons = _reasons_to_drop(offsets, progress=progress)
     kept = [i for i in range(len(ids)) if i not in reasons]
     dropped = pd.DataFrame({"vehicle_id": [ids[i] for i in reasons], "reason": list(reasons.values())})
     if not kept:
@@ -86,7 +89,8 @@ def percentile_85_speed(traces: pd.DataFrame) -> float:
 def _reasons_to_drop(offsets: FloatArray, *, progress: FloatArray) -> dict[int, str]:
     """Why a trace, by its row, cannot be used; `progress` (traces,) [m] is how far each advances."""
     level = np.array([np.median(row[known]) if (known := np.isfinite(row)).any() else np.inf for row in offsets])
-    middle = np.median(level[np.isfinite(level)]) if np.isfinite(level).any() else 0.0
+    comparable = np.isfinite(level) & (progress > -MIN_PROGRESS_M)
+    middle = np.median(level[comparable]) if comparable.any() else 0.0
     reasons: dict[int, str] = {}
     for i, row in enumerate(offsets):
         if progress[i] < -MIN_PROGRESS_M:

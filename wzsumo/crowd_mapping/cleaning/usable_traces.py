@@ -12,29 +12,72 @@ from wzsumo.crowd_mapping.cleaning.usable_fixes import UsableTraces, merge_dropp
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
+from wzsumo.road import Road
 
+JUMP_WINDOW, MAX_JUMP_M = 7, 10.0  # fixes around a fix, from whose median it lies aside: three lanes. Chosen by us
 PLACE_CELL_M = 100.0  # side of the squares in which fixes are counted as near each other
 MAX_PLACE_GAP_M = 300.0  # without any fix: beyond it another place begins; chosen by us
 # A second place that holds this share of the first one's traces, and two of them, is a zone of its own; chosen by us.
 MIN_SECOND_PLACE_SHARE = 0.2
 
 
-def usable_traces(table: pd.DataFrame, *, source: str) -> UsableTraces:
+def usable_traces(table: pd.DataFrame, *, source: str, heading_rad: float | None = None) -> UsableTraces:
     """The traces of a table of fixes that can make one map, and what was left out with the reason.
 
-    Left out are rows that are no fixes (`usable_fixes`), and vehicles that stand, drive against most others, or lie far beside
-    or away from them. Raises TraceError where nothing is left and where the file holds two zones.
+    Where a heading [rad, counter-clockwise from +x] is given, vehicles that drive otherwise are left out. So are rows that are
+    no fixes (`usable_fixes`), vehicles that stand, drive against most others, or lie far beside or away from them, and fixes
+    that jump aside. Raises TraceError where nothing is left and where the file holds two zones.
     """
     fixes = usable_fixes(table, source=source)
-    traces, far = _in_one_place(fixes.traces, source=source)
+    kept, otherwise = _driven_towards(fixes.traces, heading_rad, source=source)
+    traces, far = _in_one_place(kept, source=source)
     try:
-        unfit = tabulate(traces, reference_line_from_traces(traces)).dropped
+        axis = reference_line_from_traces(traces)
+        unfit = tabulate(traces, axis).dropped
     except TraceError as error:
         raise TraceError(f"{source}: {error}") from None
     counts = traces["vehicle_id"].value_counts()
     unfit = unfit.assign(n_fixes=counts.reindex(unfit["vehicle_id"]).to_numpy())
     kept = traces[~traces["vehicle_id"].isin(unfit["vehicle_id"])].reset_index(drop=True)
-    return UsableTraces(traces=kept, dropped=merge_dropped([part for part in (fixes.dropped, far, unfit) if len(part)]))
+    kept, aside = _without_jumps(kept, axis)
+    parts = [part for part in (fixes.dropped, otherwise, far, unfit, aside) if len(part)]
+    return UsableTraces(traces=kept, dropped=merge_dropped(parts))
+
+
+def _driven_towards(traces: pd.DataFrame, heading_rad: float | None, *, source: str) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """(traces that end within a right angle of a heading from where they begin; the others as dropped)."""
+    if heading_rad is None:
+        return traces, pd.DataFrame(columns=["vehicle_id", "n_fixes", "reason"])
+    of_vehicle = traces.groupby("vehicle_id", sort=False)[["x_m", "y_m"]]
+    way = (of_vehicle.last() - of_vehicle.first()).to_numpy() @ np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    ids = list(of_vehicle.groups)
+    others = [name for name, along in zip(of_vehicle.first().index, way, strict=True) if along <= 0]
+    if len(others) == len(ids):
+        raise TraceError(f"{source}: none of {len(ids)} traces drives in the direction that is asked for")
+    counts = traces["vehicle_id"].value_counts()
+    dropped = pd.DataFrame(
+        {
+            "vehicle_id": others,
+            "n_fixes": counts.reindex(others).to_numpy(),
+            "reason": "drives in another direction than the one that is asked for",
+        }
+    )
+    return traces[~traces["vehicle_id"].isin(others)].reset_index(drop=True), dropped
+
+
+def _without_jumps(traces: pd.DataFrame, axis: Road) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """(traces without fixes that lie far aside of their vehicle's fixes around them; those as dropped)."""
+    _, offset = axis.to_sd(traces[["x_m", "y_m"]].to_numpy())
+    around = (
+        pd.Series(offset)
+        .groupby(traces["vehicle_id"].to_numpy())
+        .transform(lambda own: own.rolling(JUMP_WINDOW, center=True, min_periods=1).median())
+    )
+    jumps = np.abs(offset - around.to_numpy()) > MAX_JUMP_M
+    counts = traces["vehicle_id"][jumps].value_counts(sort=False)
+    reason = f"jumps {MAX_JUMP_M:g} m or more aside from the fixes before and after"
+    dropped = pd.DataFrame({"vehicle_id": counts.index, "n_fixes": counts.to_numpy(), "reason": reason})
+    return traces[~jumps].reset_index(drop=True), dropped
 
 
 def _in_one_place(traces: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, pd.DataFrame]:

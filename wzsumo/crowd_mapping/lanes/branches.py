@@ -20,7 +20,7 @@ def find_branches(
     """Strips of a width [m] on either side of the lanes, each driven by more witnesses than receivers that err explain."""
     right = fit.course.offset + fit.setting.base - fit.course.width / 2
     left = right + fit.setting.n_lanes * fit.course.width
-    needed = MIN_WITNESSES + misplaced_share(fit) * len(observations.ids)
+    needed = MIN_WITNESSES + round(misplaced_share(fit) * len(observations.ids))
     off_lane = (observations.eta > 0) & (fit.burst > 0.5) & witnesses(fit, slow=slow)
     y = observations.offset
     found = []

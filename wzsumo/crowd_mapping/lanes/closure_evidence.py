@@ -5,12 +5,12 @@ The log of the odds of closed on [e, b] against open is
     log LR(e, b) =   sum_i v_i log[ (1 - m_i) (1 + l_i (f / lambda - 1)) (1 + n_i (f / lambda - 1)) + m_i rho_i ]
                    + (1 + u) log(1 + E_in / (E_0 + E_out))
 
-m_i is the chance that trace i drove in the lane between e and b, rho_i the chance that it seems to, though the lane is closed;
-l_i that it left the lane within MERGE_LENGTH_M ahead of e, n_i that it entered within as much after b. Drivers do so with the
-density f = 1 / MERGE_LENGTH_M at a closure, and with the rate lambda of lane changes elsewhere. E [m] is driven beside the lane by
-vehicles that do not enter it, u counts entries elsewhere, so the last term is the ratio of two gamma-Poisson predictions: all
-drivers share one unknown rate of entering, and evidence from mere absence grows with the logarithm of the number of traces. v_i in
-[0, 1] is how well trace i tells lanes apart.
+m_i is the chance that trace i drove in the lane between e and b, rho_i the chance that it seems to, though the lane is
+closed; l_i that it left the lane within MERGE_LENGTH_M ahead of e, n_i that it entered within as much after b. Drivers do so
+with the density f = 1 / MERGE_LENGTH_M at a closure, and with the rate lambda of lane changes elsewhere. E [m] is driven beside
+the lane by vehicles that do not enter it, u counts entries ahead of e and beyond the reach of b, so the last term is the ratio
+of two gamma-Poisson predictions: all drivers share one unknown rate of entering, and evidence from mere absence grows with the
+logarithm of the number of traces. v_i in [0, 1] is how well trace i tells lanes apart.
 """
 
 import numba
@@ -31,6 +31,8 @@ P_SHOULDER_TAPER = 0.6  # that a shoulder taper of a third of L stands ahead of 
 TANGENTS = ((0.0, 0.3), (1.0, 0.3), (2.0, 0.4))  # between two merging tapers, in L: the manual's 2 L (TA-37), or less
 DEVICE_PLACING_SD_M = 8.0  # devices are set out by pacing. Chosen by us
 SHORTEST_CLOSURE_M = 40.0
+# How much likelier a first trace is than a further one to seem to be in a closed lane: one witness does not open it
+FIRST_SEEMING_FACTOR = 50.0
 
 
 def interval_evidence(
@@ -40,13 +42,17 @@ def interval_evidence(
 
     `in_lane` (traces, stations) is the chance of being in the lane, `visibility` (traces,) v, `seeming` (traces, stations) rho.
     """
-    return np.asarray(_interval_evidence(in_lane, seen, visibility, seeming, spacing, changes_per_m, MERGE_LENGTH_M))
+    return np.asarray(
+        _interval_evidence(
+            in_lane, seen, visibility, seeming, spacing, changes_per_m, MERGE_LENGTH_M, np.log(FIRST_SEEMING_FACTOR)
+        )
+    )
 
 
 @numba.njit(cache=True, nogil=True)
-def _interval_evidence(
+def _interval_evidence(  # noqa: C901 - sums over traces for each pair of stations, with its arrays at hand
     in_lane: FloatArray, seen: BoolArray, visibility: FloatArray, seeming: FloatArray, spacing: float, rate: float,
-    merge_length: float,
+    merge_length: float, first_user: float,
 ) -> FloatArray:  # fmt: skip
     """See `interval_evidence`."""
     n, m = in_lane.shape
@@ -61,7 +67,7 @@ def _interval_evidence(
         beside[t + 1] += beside[t]
         entries[t + 1] += entries[t]
     result = np.full((m, m), -np.inf)
-    reach = int(round(merge_length / spacing))
+    reach = round(merge_length / spacing)
     ratio = 1.0 / merge_length / rate
     first = 1.0 / rate
     left, entered = np.zeros((n, m)), np.zeros((n, m))  # within `merge_length` ahead of a station, and after it
@@ -75,6 +81,7 @@ def _interval_evidence(
                     entered[i, at] += max(step, 0.0)
     for e in range(m):
         result[e, e:] = 0.0
+        users = np.zeros(m)
         for i in range(n):
             if visibility[i] < 0.01:
                 continue
@@ -85,13 +92,14 @@ def _interval_evidence(
                     most = in_lane[i, b]
                 if seeming[i, b] > rho and in_lane[i, b] > 0.5:
                     rho = seeming[i, b]
+                users[b] += visibility[i] * most
                 again = 1 + min(entered[i, b], 1.0) * max(ratio - 1, 0.0)
                 result[e, b] += visibility[i] * np.log((1 - most) * bonus * again + most * max(rho, least) + 1e-12)
         for b in range(e, m):
             e_in = beside[b + 1] - beside[e]
             e_out = beside[m] - e_in
-            u = entries[e] + entries[m] - entries[b + 1]
-            result[e, b] += (1 + u) * np.log(1 + e_in / (first + e_out))
+            u = entries[e] + entries[m] - entries[min(b + 1 + reach, m)]
+            result[e, b] += (1 + u) * np.log(1 + e_in / (first + e_out)) + first_user * min(users[b], 1.0)
     return result
 
 

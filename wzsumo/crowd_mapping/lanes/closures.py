@@ -7,6 +7,7 @@ import numpy as np
 from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.crowd_mapping.lanes.closure_evidence import (
     DOWNSTREAM_TAPER_M,
+    FIRST_SEEMING_FACTOR,
     TAPER_LENGTHS,
     USABLE_TAPER_SHARE,
     interval_evidence,
@@ -20,7 +21,7 @@ from wzsumo.frames import BoolArray, FloatArray
 
 P_CLOSED_ANNOUNCED, P_CLOSED = 0.5, 0.05  # of a lane somewhere along the road, where a zone is announced and where none is
 P_CLOSED_AS_SAID, P_CLOSED_NOT_SAID = 0.8, 0.1  # where the announcement says which lanes are closed
-SEEMING_SHARE = 0.05  # of traces that seem to drive in a closed lane: stray vehicles, jumps of positions. One is not enough
+SEEMING_SHARE = 0.001  # of traces that seem to drive in a closed lane: stray vehicles, jumps of positions. Chosen by us
 # The same of a vehicle that stands or creeps there while others drive by: a work vehicle
 SEEMING_SHARE_OF_SLOW, SLOW_FACTOR = 0.5, 3.0
 # A closure is doubted where this many traces, and at most this share of them, seem to drive in it
@@ -55,8 +56,8 @@ class ClosurePrior:
 def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[LaneFit, list[Closure]]:
     """The closures of all lanes, and the fit that knows of them.
 
-    Where some traces seem to drive in a lane that others avoid, the traces are fitted again with that lane closed: they may be of
-    receivers that err by a lane.
+    Where some traces seem to drive in a lane that others avoid, the traces are fitted again with that lane closed: they may be
+    of receivers that err by a lane.
     """
     closures = []
     for lane in range(fit.setting.n_lanes):
@@ -71,10 +72,11 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
                 observations, setting, course=fit.course.offset, receivers=fit.receivers, shares=shares_after(fit.class_share),
                 rounds=DOUBT_ROUNDS,
             )  # fmt: skip
-            ratio = (1 - SEEMING_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 5))
-            gain = np.log(ratio + SEEMING_SHARE)
-            without_users = _evidence(lane, closed, observations, prior, witness=ratio / (ratio + SEEMING_SHARE))
-            doubted = prior.log_odds(lane) + float(gain.sum()) + without_users[1]
+            ratio = (1 - SEEMING_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 0))
+            follows = ratio / (ratio + SEEMING_SHARE)
+            without_users = _evidence(lane, closed, observations, prior, witness=follows)
+            first = np.log(FIRST_SEEMING_FACTOR) * min(float((1 - follows).sum()), 1.0)
+            doubted = prior.log_odds(lane) + float(np.log(ratio + SEEMING_SHARE).sum()) + first + without_users[1]
             if doubted > log_odds:
                 log_odds, evidence = doubted, without_users[0]
             if log_odds > 0:
@@ -129,8 +131,8 @@ def slow_stretches(observations: Observations) -> BoolArray:
 def p_open_strips(closure: Closure, stations: FloatArray, *, outer_left: bool, taper_m: float, strips: int) -> FloatArray:
     """Probability (stations, strips) that each strip of the lane is open, from its right line to its left one.
 
-    A taper closes the strips from the outer line, the left one where `outer_left`, to the inner one, and ends where half a vehicle
-    no longer fits at e; behind b they open again in the opposite order.
+    A taper closes the strips from the outer line, the left one where `outer_left`, to the inner one, and ends where half a
+    vehicle no longer fits at e; behind b they open again in the opposite order.
     """
     across = (np.arange(strips) + 0.5) / strips
     inner = across if outer_left else 1 - across  # distance from the inner line [lane widths]

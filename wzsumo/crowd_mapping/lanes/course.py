@@ -2,8 +2,8 @@
 
     y_i - w x_i = D + u_i + e_i,    u_i ~ N(0, K_i) Gauss-Markov,    e_i ~ N(0, R_i)
 
-x_i is the expected lane. With W_i = (K_i + R_i)^-1 the information about D is sum W_i; about the lanes' width, sum x_i' W_i x_i. W is
-never formed: by Woodbury W v = R^-1 v - R^-1 (K^-1 + R^-1)^-1 R^-1 v, and K^-1 of a Gauss-Markov series is tridiagonal.
+x_i is the expected lane. With W_i = (K_i + R_i)^-1 the information about D is sum W_i; about the lanes' width, sum x_i' W_i x_i.
+W is never formed: by Woodbury W v = R^-1 v - R^-1 (K^-1 + R^-1)^-1 R^-1 v, and K^-1 of a Gauss-Markov series is tridiagonal.
 D is bent at few places (Laplace prior of its second differences, by reweighting) and lies, outside the zone, at one shift c of
 all receivers against the road.
 """
@@ -43,7 +43,7 @@ class CoursePrior:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Course:
-    """`offset` (stations,) [m] of lane 0 from its nominal place, with the common shift; `sd` (stations,) [m] without the shift's.
+    """`offset` (stations,) [m] of lane 0 from its nominal place, with the common shift; `sd` (stations,) [m] without its own.
 
     `shift` and `shift_sd` [m] are the common shift; `width` [m] of a lane and its sd.
     """
@@ -58,7 +58,7 @@ class Course:
 
 
 @numba.njit(cache=True, nogil=True)
-def _information(
+def _information(  # noqa: C901 - one pass over each trace: a call in it costs more than reading it
     y: FloatArray, weight: FloatArray, x: FloatArray, rho: FloatArray, sigma2: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(H (m + 1, m + 1), g (m + 1,)): information about D and a factor of x, summed over traces."""
@@ -128,7 +128,7 @@ def fit_course(
     prior: CoursePrior,
     start: FloatArray,
 ) -> Course:
-    """The course of traces with offsets (n, m) [m], information `weight` (n, m) [1/m^2] and expected lanes `position` (n, m)."""
+    """The course of traces with offsets (n, m) [m], information `weight` (n, m) [1/m^2], expected lanes `position` (n, m)."""
     m = offset.shape[1]
     h, g = _information(offset, weight, position, rho, sigma**2)
     known = prior.known
@@ -200,6 +200,7 @@ def course_at_start(offset: FloatArray, prior: CoursePrior) -> Course:
     """A first guess as a Course."""
     shift = start_shift(offset, prior)
     return Course(
-        offset=offset, sd=np.zeros_like(offset), shift=shift, shift_sd=SHIFT_PRIOR[-1][1], width=prior.width, width_sd=prior.width_sd,
+        offset=offset, sd=np.zeros_like(offset), shift=shift, shift_sd=SHIFT_PRIOR[-1][1], width=prior.width,
+        width_sd=prior.width_sd,
         log_prior=log_prior(offset, prior, shift=shift, width=prior.width),
     )  # fmt: skip

@@ -57,8 +57,8 @@ def said_of_lanes(
                     "shape is the manual's, not seen by traces"
                 )
     words += [
-        f"{branch.n_traces} traces drove beside the lanes over {np.hypot(*np.diff(branch.line, axis=0).T).sum():.0f} m: mapped as "
-        "a branch"
+        f"{branch.n_traces} traces drove beside the lanes over {np.hypot(*np.diff(branch.line, axis=0).T).sum():.0f} m: mapped "
+        "as a branch"
         for branch in branches
     ]
     if np.median(fit.sigma) > POOR_RECEIVERS_M:
@@ -73,8 +73,8 @@ def said_of_traces(
     off_lane_m = ((observations.eta > 0) & (fit.burst > 0.5)).sum(axis=1) * observations.spacing
     closed = np.stack([lane.p_open_middle < 1 - OCCUPIED_THRESHOLD for lane in lanes], axis=1)
     in_closed = (fit.in_lane > 0.5) & closed[None]
-    somewhere_closed = np.asarray(in_closed.any(axis=2))
-    creeping = (somewhere_closed & slow).any(axis=1)
+    somewhere_closed = in_closed.max(axis=2)
+    creeping = (somewhere_closed & slow).max(axis=1)
     in_closed_m = somewhere_closed.sum(axis=1) * observations.spacing
     odd = []
     for i, name in enumerate(observations.ids):

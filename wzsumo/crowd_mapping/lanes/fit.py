@@ -1,6 +1,6 @@
 """Fits of the model of lanes: expectation-maximisation over lanes driven, receivers and course."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from wzsumo.frames import FloatArray
 ROUNDS = 8
 LEAST_GAIN = 0.5  # of the log posterior, from which on another round is worth it
 LEAST_CLASS_SHARE = 0.02
+OFF_LANE_AT_START = 0.01  # share of traces that begin beside the lanes, as on a ramp
 IN_CLOSED_LANE = 0.05  # weight of being in a closed lane, at each station
 
 
@@ -29,7 +30,7 @@ class LaneSetting:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneFit:
-    """What traces say, for one setting: course, shares of lanes (traces, stations, lanes), bursts (traces, stations), classes."""
+    """What traces say, for one setting: course, shares of lanes (traces, stations, lanes), bursts (traces, stations) ..."""
 
     setting: LaneSetting
     course: Course
@@ -68,19 +69,20 @@ def fit_lanes(
     shares = first_shares(receivers) if shares is None else shares
     lane_start = np.full(setting.n_lanes, 1 / setting.n_lanes)
     state = course_at_start(course, setting.prior)
-    fit: LaneFit | None = None
-    for _ in range(max(rounds, 1)):
-        expected = _expect(observations, setting, chain, state, receivers, shares, lane_start)
-        if rounds == 0:
-            return expected
-        gain = np.inf if fit is None else expected.log_posterior - fit.log_posterior
-        if fit is not None and gain < LEAST_GAIN:
-            return expected if gain > 0 else fit
-        fit = expected
-        shares = shares_after(expected.class_share)
-        lane_start = _first_lane_shares(expected)
-        state = _maximise(observations, setting, expected)
-    return _expect(observations, setting, chain, state, receivers, shares, lane_start)
+    fit = _expect(observations, setting, chain, state, receivers, shares, lane_start)
+    if rounds == 0:
+        return fit
+    for _ in range(rounds):
+        shares, lane_start = shares_after(fit.class_share), _first_lane_shares(fit)
+        state = _maximise(observations, setting, fit)
+        better = _expect(observations, setting, chain, state, receivers, shares, lane_start)
+        gain = better.log_posterior - fit.log_posterior
+        fit = better if gain > 0 else fit
+        if gain < LEAST_GAIN:
+            break
+    # The course of this fit, with its standard deviations.
+    last = _maximise(observations, setting, fit)
+    return replace(fit, course=replace(fit.course, sd=last.sd, shift_sd=last.shift_sd, width_sd=last.width_sd))
 
 
 def _expect(
@@ -94,7 +96,7 @@ def _expect(
 ) -> LaneFit:
     start = np.full(len(chain.position), 1e-4)
     start[: setting.n_lanes] = lane_start
-    start[chain.burst] = 0.01 * lane_start
+    start[chain.burst] = OFF_LANE_AT_START * lane_start
     start /= start.sum()
     allowed = np.ones((len(observations.stations), len(chain.position)))
     for lane, first, last in setting.closed:

@@ -11,7 +11,7 @@ import numpy as np
 from wzsumo.frames import BoolArray, FloatArray, IntArray
 
 LANE_CHANGES_PER_M = 1 / 3000  # to each side: 0.3 to 0.6 changes a km on freeways (NGSIM; Knoop et al. 2012)
-BURSTS_PER_M = 1e-4  # one in 10 km
+BURSTS_PER_M = 3e-5  # one in 30 km. Chosen by us
 BURST_LENGTH_M = 200.0  # mean
 CHANGE_STAY = 0.35  # of a third of a lane change at 20 m between stations: changes of 60 to 150 m
 
@@ -43,7 +43,7 @@ def lane_chain(n_lanes: int, *, spacing: float) -> LaneChain:
     edges: list[tuple[int, int, float]] = []
     change, burst = LANE_CHANGES_PER_M * spacing, BURSTS_PER_M * spacing
     leave_burst = min(spacing / BURST_LENGTH_M, 0.5)
-    stay = CHANGE_STAY ** (20.0 / spacing)  # per station; at long spacings a change is over within one
+    stay = CHANGE_STAY ** (spacing / 20.0)
     for lane in range(n_lanes - 1):
         for start, end in ((lane, lane + 1), (lane + 1, lane)):
             one, two = len(position), len(position) + 1

@@ -1,11 +1,14 @@
 """The fit of traces alone: how many lanes they drove in, and where these lie."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
 from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
+from wzsumo.crowd_mapping.lanes.witnesses import misplaced_share
 from wzsumo.frames import FloatArray
 
 MAX_LANES = 6
@@ -13,13 +16,24 @@ LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.6, 0.12  # 12 ft on freeways (AASHTO Green Boo
 MIN_USERS = 1.5  # of an outer lane: one trace adds no lane
 LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3
-LOG_PRIOR_PER_LANE = -8.0  # a lane must be worth more than a few receivers that may err by a lane
+LOG_PRIOR_PER_LANE = -3.0  # a lane must be worth some two good witnesses. Chosen by us
+MISPLACED_GAIN = 1.5  # nats: measured on crowds of mixed receivers of our generator, where lanes too many gain 1 a trace
 HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is made
 
 
 def fit_lane_count(observations: Observations) -> LaneFit:
-    """The likeliest fit over the numbers of lanes."""
-    return max(_rival_fits(observations), key=score)
+    """The likeliest fit over the numbers of lanes.
+
+    Each further lane must be worth LOG_PRIOR_PER_LANE, and more where receivers are poor: a trace that is misplaced by half a lane
+    with one lane fewer gains some MISPLACED_GAIN from a lane of its own, though there is none.
+    """
+    fits = sorted(_rival_fits(observations), key=lambda fit: fit.setting.n_lanes)
+    best, best_score, price = fits[0], score(fits[0]), 0.0
+    for fewer, fit in pairwise(fits):
+        price += MISPLACED_GAIN * 2 * misplaced_share(fewer) * len(observations.ids)
+        if score(fit) - price > best_score:
+            best, best_score = fit, score(fit) - price
+    return best
 
 
 def score(fit: LaneFit) -> float:
@@ -27,7 +41,7 @@ def score(fit: LaneFit) -> float:
     users = fit.in_lane.max(axis=1).sum(axis=0)
     least = min(MIN_USERS, 0.5 * len(fit.in_lane))
     lacking = int(users[0] < least) + int(users[-1] < least) if fit.setting.n_lanes > 1 else 0
-    return fit.log_posterior + LOG_PRIOR_PER_LANE * fit.setting.n_lanes - 1e6 * lacking
+    return float(fit.log_posterior + LOG_PRIOR_PER_LANE * fit.setting.n_lanes - 1e6 * lacking)
 
 
 def _rival_fits(observations: Observations) -> list[LaneFit]:

@@ -32,7 +32,7 @@ def open_where_driven(
     lanes: tuple[MappedLane, ...], fit: LaneFit, observations: Observations, *, slow: BoolArray
 ) -> tuple[tuple[MappedLane, ...], list[str]]:
     """The lanes, open where enough witnesses drove in one that the model has closed; and what was overruled, in words."""
-    needed = MIN_WITNESSES + 2 * misplaced_share(fit) * len(observations.ids)
+    needed = MIN_WITNESSES + round(2 * misplaced_share(fit) * len(observations.ids))
     counted = witnesses(fit, slow=slow)
     opened, words = [], []
     for number, lane in enumerate(lanes):
