@@ -1,5 +1,6 @@
 """Each kind of element on an edge m3 of 1,600 m that is cut at 300 and at 900 m into m3.wz0, m3.wz1 and m3.wz2."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -124,6 +125,14 @@ def test_what_names_no_cut_edge_stays_byte_for_byte() -> None:
 def test_what_a_cut_would_part_is_refused(content: str, words: str) -> None:
     with pytest.raises(PlacementError, match=words):
         rewritten(content)
+
+
+def test_stop_on_a_lane_that_the_zone_closes_is_refused() -> None:
+    file = XmlFile(path=Path("some.xml"), data=b'<r><busStop id="b" lane="m3_0" startPos="400" endPos="410"/></r>')
+    for closed, refused in (("m3.wz1_0", True), ("m3.wz0_0", False), ("m3.wz1_1", False)):
+        rewriting = Rewriting(cuts={"m3": CUT}, routes={}, rules=RULES, closed_lanes=frozenset({closed}))
+        with pytest.raises(PlacementError, match="lies on lane 'm3_0' where the zone closes it") if refused else nullcontext():
+            rewriting.rewrite(file)
 
 
 @given(st.floats(0, 1600))

@@ -182,6 +182,16 @@ def test_zone_in_a_city_of_signals_loads_and_runs() -> None:
         assert "Warning" not in simulate(out / name, "--end", "600")
 
 
+def test_vehicles_that_heed_no_closure_are_refused_with_their_number(tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(LEFT_LANE)
+    demand = '<vType id="t" vClass="ignoring"/><flow id="a" from="m1" to="m4" number="12" begin="0" end="60" type="t"/>'
+    (tmp_path / "trips.xml").write_text(f"<routes>{demand}</routes>")
+    words = ("--at", "m3", 300, "--routes", tmp_path / "trips.xml", "--out", tmp_path / "out")
+    code, _, err = run_place(freeway(), "--zone", tmp_path / "zone.toml", *words)
+    assert (code, err.count("\n")) == (2, 1)
+    assert '12 vehicles of class "ignoring" drive along the closed lanes\' edges (m3)' in err
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
