@@ -163,7 +163,8 @@ def _refuse_lawless(placed: Placed, routes: Counter[Route]) -> None:
     if n_vehicles := sum(n for route, n in routes.items() if closed & set(route)):
         raise PlacementError(
             f'{n_vehicles} vehicles of class "{LAWLESS_CLASS}" drive along the closed lanes\' edges '
-            f"({', '.join(sorted(closed))}), and SUMO lets that class drive on closed lanes; give their vType another vClass, such as passenger"
+            f"({', '.join(sorted(closed))}), and SUMO lets that class drive on closed lanes; give their vType another vClass, "
+            "such as passenger"
         )
 
 
