@@ -34,7 +34,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        placed = _place(Path(folder))
+        placed = place_example(Path(folder), routes=HERE / "freeway.rou.xml")
         rows, speeds = [], []
         for seed in args.seeds:
             for name in CONFIGURATIONS:
@@ -47,14 +47,15 @@ def main() -> None:
         _draw(placed, pd.concat(speeds)).savefig(args.out / "placed.png")
 
 
-def _place(folder: Path) -> Path:
+def place_example(folder: Path, *, routes: Path) -> Path:
+    """The folder that `wzsumo place` writes for the freeway of the example with this demand."""
     net = folder / "freeway.net.xml"
     plain = ["-n", str(HERE / "freeway.nod.xml"), "-e", str(HERE / "freeway.edg.xml")]
     options = ["--ramps.guess", "--no-turnarounds", "-o", str(net), "--no-warnings", "--xml-validation", "never"]
     subprocess.run([str(sumo_binary("netconvert")), *plain, *options], check=True, capture_output=True)
     command = ["place", str(net), "--zone", str(HERE / "zone.toml"), "--at", "m3", "300", "--out", str(folder / "placed")]
-    files = ["--routes", str(HERE / "freeway.rou.xml"), "--additionals", str(HERE / "freeway.add.xml")]
-    subprocess.run([sys.executable, "-m", "wzsumo", *command, *files], check=True)
+    files = ["--routes", str(routes), "--additionals", str(HERE / "freeway.add.xml")]
+    subprocess.run([sys.executable, "-m", "wzsumo", *command, *files], check=True, capture_output=True)
     return folder / "placed"
 
 
@@ -84,7 +85,7 @@ def _run(placed: Path, name: str, seed: int) -> tuple[dict[str, float], pd.DataF
     ]
     table = pd.DataFrame(places, columns=["x_m", "speed_mps"])
     table["x_m"] = (table["x_m"] // BIN_M + 0.5) * BIN_M
-    return figures, table.groupby("x_m", as_index=False)["speed_mps"].mean()
+    return figures, table.groupby("x_m")[["speed_mps"]].mean().reset_index()
 
 
 def _draw(placed: Path, speeds: pd.DataFrame) -> Figure:
