@@ -58,6 +58,7 @@ __all__ = [
     "compare",
     "fixes_from",
     "load_scenario",
+    "place",
     "plan",
     "read_fixes",
     "read_lanes",
@@ -70,7 +71,7 @@ __all__ = [
 ]
 _HOMES = {
     "announced_zone": ("AnnouncedZone",),
-    "api": ("build_map", "plan", "run_case"),
+    "api": ("build_map", "place", "plan", "run_case"),
     "ego": ("EgoRun", "Outcome"),
     "errors": ("InputError",),
     "files.lanes": ("LanesFile", "read_lanes"),

@@ -25,7 +25,7 @@ from wzsumo.placement.movements import Route, lost_movements, routes_of, vehicle
 from wzsumo.placement.net import Net
 from wzsumo.placement.net_patch import NetPatch
 from wzsumo.placement.place_on_net import edge_at, known_frame
-from wzsumo.placement.refusals import check_cuts, check_signals
+from wzsumo.placement.refusals import SIGNALS, check_cuts, check_signals
 from wzsumo.placement.xml_file import XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace, on_side
 from wzsumo.road import Road, RoadSpec
@@ -82,8 +82,7 @@ def write_placement(placed: Placed, configuration: Configuration, folder: Path) 
     """Write `original`, `open` and `closed`, the layout and the report of changes; returns the report."""
     net = placed.corridor.net
     cuts = {cut.edge.id: cut for cut in placed.plan.cuts}
-    files = {path: XmlFile.read(path, role="the demand") for path in configuration.routes}
-    files |= {path: XmlFile.read(path, role="the additional file") for path in configuration.additionals}
+    files = {path: XmlFile.read(path, role="the demand") for path in configuration.demand}
     demand = Demand.read(list(files.values()))
     doubts = _check_routes(placed, demand)
     rewriting = Rewriting(cuts=cuts, routes=demand.routes, rules=RULES, closed_lanes=placed.closed.closed_lanes, doubts=doubts)
@@ -175,6 +174,18 @@ def _default_type_text() -> str:
     )
 
 
+def _cut_approaches(placed: Placed) -> list[str]:
+    """Doubts about cut edges that end at a signal."""
+    junctions = placed.corridor.net.junctions
+    ends = [(cut.edge.id, junctions[cut.edge.to_node]) for cut in placed.plan.cuts if cut.edge.to_node in junctions]
+    return [
+        f"edge {edge!r}, which is cut, ends at the signal of junction {junction.get('id')!r}: a saturated approach may "
+        "discharge some percent more or less; compare open with original"
+        for edge, junction in ends
+        if junction.get("type") in SIGNALS
+    ]
+
+
 def _report(placed: Placed, rewriting: Rewriting, changes: list[Change]) -> dict[str, Any]:
     layout, plan = placed.layout, placed.plan
     departures = [
@@ -194,6 +205,6 @@ def _report(placed: Placed, rewriting: Rewriting, changes: list[Change]) -> dict
             "n_devices": len(layout.devices),
         },
         "cuts": {cut.edge.id: {"pieces": list(cut.ids), "at_m": list(cut.positions)} for cut in plan.cuts},
-        "warnings": [*placed.doubts, *departures, *rewriting.doubts],
+        "warnings": [*placed.doubts, *departures, *_cut_approaches(placed), *rewriting.doubts],
         "changes": [change.as_row() for change in [*changes, *rewriting.changes]],
     }
