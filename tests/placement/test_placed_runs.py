@@ -15,6 +15,7 @@ import shapely
 from placement.networks import city, freeway, new_folder
 from sumo_runs import outlines_in
 
+import wzsumo
 from wzsumo.cli import main
 from wzsumo.simulation.connection import sumo_binary
 
@@ -133,8 +134,8 @@ def test_detectors_count_the_same_vehicles_where_nothing_is_closed_and_none_in_t
     assert counts["closed"]["closed"] == 0
 
 
-def test_nobody_drives_over_the_closed_ground_and_without_the_zone_many_do() -> None:
-    out, _ = placed_freeway()
+def vehicles_over_closed_ground(out: Path) -> dict[str, int]:
+    """How many vehicles reach into the closed ground by 0.1 m or more in `open` and in `closed`."""
     features = json.loads((out / "layout.geojson").read_text())["features"]
     ground = next(shapely.geometry.shape(f["geometry"]) for f in features if f["properties"]["name"] == "closed_area")
     core = ground.buffer(-0.1)
@@ -145,14 +146,36 @@ def test_nobody_drives_over_the_closed_ground_and_without_the_zone_many_do() -> 
         rows = pd.read_csv(fcd, sep=";").rename(columns=lambda column: column.split("_", 1)[1])
         rows = rows[rows["id"].notna()]
         over[name] = rows["id"][core.intersects(outlines_in(rows, length=5.0, width=1.8))].nunique()
-    assert over["open"] > 50
-    assert over["closed"] == 0
+    return over
 
 
 def _pieces(out: Path) -> Path:
     path = out / "pieces.txt"
-    path.write_text("".join(f"edge:m3.wz{number}\n" for number in range(4)))
+    path.write_text("".join(f"edge:m3.wz{number}\n" for number in range(6)))
     return path
+
+
+def test_nobody_drives_over_the_closed_ground_and_without_the_zone_many_do() -> None:
+    over = vehicles_over_closed_ground(placed_freeway()[0])
+    assert over["open"] > 50
+    assert over["closed"] == 0
+
+
+@pytest.mark.parametrize(
+    "zone",
+    [
+        "closed_lanes = [1]\nwork_length_ft = 300\nposted_speed_mph = 55",
+        "closed_lanes = [1, 2]\nwork_length_ft = 300\nposted_speed_mph = 45",
+        "closed_lanes = [2]\nwork_length_ft = 300\nshift_ft = 6\n[road]\nright_shoulder_ft = 10\nleft_shoulder_ft = 8",
+    ],
+    ids=["interior", "two lanes", "shift"],
+)
+def test_zones_of_other_kinds_keep_everybody_off_the_closed_ground(zone: str, tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(f"[work_zone]\n{zone}\n")
+    demand = freeway().parent / "demand.rou.xml"
+    wzsumo.place(freeway(), zone=tmp_path / "zone.toml", at=("m3", 100.0), routes=[demand], out=tmp_path / "out")
+    assert vehicles_over_closed_ground(tmp_path / "out")["closed"] == 0
+    assert "eleport" not in simulate(tmp_path / "out" / "closed")
 
 
 def test_zone_is_drawn_in_the_network_that_is_closed() -> None:
