@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from builders import lane_map_of, paper_layout, paper_road
+from scipy.stats import norm
 
 from wzsumo.errors import FeedError, MapError
 from wzsumo.feeds.announcement import announced_on
 from wzsumo.feeds.check import rule_faults, schema_faults
-from wzsumo.feeds.publication import FeedDetails, published_zone, verified_zone
+from wzsumo.feeds.publication import FeedDetails, published_zone
 from wzsumo.feeds.road_event import read_feed, road_event, road_events, split_event
+from wzsumo.feeds.verified import verified_zone
 from wzsumo.geography import local_frame
 from wzsumo.road import Road
 from wzsumo.scenario.scenario import load_scenario
@@ -241,7 +243,7 @@ def test_end_is_verified_only_where_it_is_known_well() -> None:
     closed = exact.lanes[2]
     blurred = closed.p_open.copy()
     start = np.flatnonzero(blurred.min(axis=1) < 0.35)[0]
-    blurred[start - 60 : start] = 0.5  # nobody knows over the 120 m ahead of it
+    blurred[start - 60 : start] = np.linspace(0.9, 0.1, 60)[:, None]  # it begins anywhere in the 120 m ahead
     unsure = replace(exact, lanes=(*exact.lanes[:2], replace(closed, p_open=blurred)))
     for lane_map, verified in ((exact, True), (unsure, False)):
         first = published_zone(lane_map, PLACE, DETAILS)["features"][0]["properties"]
@@ -278,19 +280,30 @@ def test_impact_and_lanes_are_those_of_the_zone(zone: str, impact: str, lane_sta
         assert not any("restrictions" in lane for lane in found["properties"]["lanes"])
 
 
-@pytest.mark.parametrize(("unknown_m", "sd_m", "verified"), [(30, 10.0, True), (60, 20.0, False)])
-def test_end_is_known_to_a_third_of_the_ground_that_nobody_knows(unknown_m: int, sd_m: float, verified: bool) -> None:
+@pytest.mark.parametrize(("sd_m", "verified"), [(10.0, True), (20.0, False)])
+def test_end_is_known_as_well_as_its_probability_falls(sd_m: float, verified: bool) -> None:
     exact = lane_map_of(load_scenario(SCENARIOS / "right_lane.toml").layout())
     p_open = exact.lanes[0].p_open.copy()
-    last = np.flatnonzero(p_open.min(axis=1) < 0.35)[-1]
-    p_open[last + 1 : last + 1 + unknown_m // 2] = 0.5  # a station every 2 m
+    end = exact.stations[np.flatnonzero(p_open.min(axis=1) < 0.35)[-1]]
+    behind = exact.stations > end - 100
+    p_open[behind] = norm.cdf(exact.stations[behind], loc=end, scale=sd_m)[:, None]
     unsure = replace(exact, lanes=(replace(exact.lanes[0], p_open=p_open), *exact.lanes[1:]))
     zone = verified_zone(unsure)
     assert zone is not None
-    assert zone.end_sd_m == pytest.approx(sd_m, abs=1.0)
+    assert zone.end_m == pytest.approx(end, abs=1.0)
+    assert zone.end_sd_m == pytest.approx(sd_m, rel=0.05)
     assert zone.start_sd_m < 3
     assert (zone.closed_lanes, zone.shifted) == ((0,), ())
     assert published_zone(unsure, PLACE, DETAILS)["features"][-1]["properties"]["is_end_position_verified"] is verified
+
+
+def test_slow_drift_of_a_lane_from_the_axis_is_no_shift() -> None:
+    exact = lane_map_of(load_scenario(SCENARIOS / "right_lane.toml").layout())
+    drift = 3.0 * np.sin(exact.stations / 400.0)  # at most 3 m in 400 m
+    moved = tuple(replace(lane, right=lane.right + drift, left=lane.left + drift) for lane in exact.lanes)
+    zone = verified_zone(replace(exact, lanes=moved))
+    assert zone is not None
+    assert (zone.closed_lanes, zone.shifted) == ((0,), ())
 
 
 def test_zone_that_goes_on_beyond_the_map_has_an_end_that_nobody_knows() -> None:
