@@ -67,7 +67,7 @@ def main() -> None:
             "announced": {key: figures["announced"][key] for key in ("start_m", "end_m", "start_sd_m", "end_sd_m")},
             "marked": marked(folder),
             "verified": figures.get("verified"),
-            "open_lanes": figures.get("open_lanes"),
+            "fixes_on_free_share": figures.get("fixes_on_free_share"),
             "free_m2": figures["free_m2"],
             "feed_verified": [
                 [found["properties"][f"is_{end}_position_verified"] for end in ("start", "end")] for found in feed["features"]

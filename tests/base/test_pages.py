@@ -1,3 +1,4 @@
+import json
 import re
 import subprocess
 import sys
@@ -109,3 +110,17 @@ def test_figures_of_roads_and_exports_are_those_of_their_csv() -> None:
             row.qc_warnings,
         ]
         assert f"| {' | '.join(map(str, cells))} |" in page
+
+
+def test_figures_of_the_worked_example_are_those_of_its_json() -> None:
+    found = json.loads((ROOT / "docs" / "results" / "prairie_center.json").read_text(encoding="utf-8"))
+    page = (ROOT / "docs" / "guide" / "worked_example.md").read_text(encoding="utf-8")
+    said, marked, mapped = found["announced"], found["marked"], found["verified"]
+    assert f"| announced, estimated (± {said['start_sd_m']:.0f}) | {said['start_m']:.0f} | {said['end_m']:.0f} |" in page
+    ends = [f"{marked[end]['mean_m']:.0f} ± {marked[end]['sd_m']:.0f}" for end in ("start", "end")]
+    assert f"| marked by the drivers, n = 4 (mean ± standard deviation) | {' | '.join(ends)} |" in page
+    ends = [f"{mapped[f'{end}_m']:.0f} ± {mapped[f'{end}_sd_m']:.0f}" for end in ("start", "end")]
+    assert f"| the map (± standard deviation) | {' | '.join(ends)} |" in page
+    late, early = marked["start"]["mean_m"] - said["start_m"], said["end_m"] - marked["end"]["mean_m"]
+    assert f"closed {late:.0f} m later than announced, and opened {early:.0f} m earlier" in page
+    assert found["feed_verified"] == [[False, False]]

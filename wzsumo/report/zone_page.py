@@ -131,7 +131,8 @@ def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[st
     for name in ("start", "end") if announced else ():
         s = getattr(announced, f"{name}_m")
         across = place(lanes.to_xy([s, s], np.interp(s, lanes.stations, middle_line) + np.array([-14.0, 14.0]) / scale))
-        x, y = float(across[0, 0]), float(across[:, 1].min()) - 4
+        x = float(np.clip(across[0, 0], MARGIN, MAP_WIDTH - MARGIN))  # so that its name is not cut off
+        y = float(across[:, 1].min()) - 4
         marks.append({"points": _points(across), "name": f"announced {name}", "x": round(x, 1), "y": round(y, 1)})
     bar = _round_length(160.0 / scale)
     corners = []
