@@ -62,6 +62,12 @@ def test_table_of_the_calibration_page_is_that_of_its_csv() -> None:
     assert f"<!-- table -->\n{table}\n<!-- end -->" in (results / "traffic_calibration.md").read_text(encoding="utf-8")
 
 
+def test_tables_of_placements_are_those_of_their_csv() -> None:
+    script = ROOT / "analysis" / "placement" / "tables.py"
+    checked = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stderr
+
+
 def test_clearances_on_the_page_of_drives_are_those_of_its_csv() -> None:
     results = ROOT / "docs" / "results"
     rows = pd.read_csv(results / "library_drives.csv", dtype={"speed": str})
