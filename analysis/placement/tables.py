@@ -40,7 +40,7 @@ def open_table() -> str:
     lines = ["| network | seeds | mean duration [s] | difference [%] with 95 % interval | teleports | emergency stops |",
              "|---|---|---|---|---|---|"]  # fmt: skip
     for name, title in titles.items():
-        part = rows[rows["name"] == name].pivot_table(index="seed", columns="configuration")
+        part = rows[rows["name"] == name].drop(columns="name").pivot_table(index="seed", columns="configuration")
         before, after = (part["mean_duration_s"][c] for c in ("original", "open"))
         share = 100 * (after - before) / before
         half = student.ppf(0.975, len(share) - 1) * share.std(ddof=1) / np.sqrt(len(share))
@@ -49,20 +49,6 @@ def open_table() -> str:
         ]
         lines.append(
             f"| {title} | {len(share)} | {before.mean():.1f} | {share.mean():+.2f} ± {half:.2f} | {pairs[0]} | {pairs[1]} |"
-        )
-    return "\n".join(lines)
-
-
-def ways_table() -> str:
-    rows = pd.read_csv(DOCS / "results" / "placement_ways.csv")
-    lines = ["| demand [veh/h] | way | behind the zone [veh/h] | over closed ground | of vehicles | teleports |",
-             "|---|---|---|---|---|---|"]  # fmt: skip
-    for _, part in rows.groupby(["flow_vph", "way"], sort=False):
-        flow, way = int(part["flow_vph"].iloc[0]), str(part["way"].iloc[0])
-        mean = part.mean(numeric_only=True)
-        lines.append(
-            f"| {flow:,} | {way} | {mean['discharge_vph']:,.0f} | {mean['over_closed_ground']:.0f} | {mean['vehicles']:,.0f} | "
-            f"{mean['teleports']:.0f} |"
         )
     return "\n".join(lines)
 
@@ -82,7 +68,7 @@ def example_table() -> str:
 
 def main() -> None:
     results, guide = DOCS / "results" / "placement.md", DOCS / "guide" / "place.md"
-    tables = ((results, "places", places_table), (results, "open", open_table), (results, "ways", ways_table))
+    tables = ((results, "places", places_table), (results, "open", open_table))
     differing = []
     for page, mark, make in (*tables, (guide, "table", example_table)):
         text = page.read_text(encoding="utf-8")
