@@ -1,3 +1,4 @@
+import json
 import re
 import subprocess
 import sys
@@ -61,6 +62,12 @@ def test_table_of_the_calibration_page_is_that_of_its_csv() -> None:
     assert f"<!-- table -->\n{table}\n<!-- end -->" in (results / "traffic_calibration.md").read_text(encoding="utf-8")
 
 
+def test_tables_of_placements_are_those_of_their_csv() -> None:
+    script = ROOT / "analysis" / "placement" / "tables.py"
+    checked = subprocess.run([sys.executable, str(script), "--check"], capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stderr
+
+
 def test_clearances_on_the_page_of_drives_are_those_of_its_csv() -> None:
     results = ROOT / "docs" / "results"
     rows = pd.read_csv(results / "library_drives.csv", dtype={"speed": str})
@@ -88,3 +95,38 @@ def test_figures_of_the_papers_case_are_those_of_its_csv(page: str) -> None:
     worst = [f"{clearance.min():.2f} m ({clearance.mean():.2f} m)" for clearance in clearances]
     assert f"worst seed (mean) | {worst[0]} | {worst[1]} |" in text
     assert (rows["outcome"] == "REACHED_GOAL").all()
+
+
+def test_figures_of_roads_and_exports_are_those_of_their_csv() -> None:
+    results = ROOT / "docs" / "results"
+    roads, page = pd.read_csv(results / "roads.csv"), (results / "roads.md").read_text(encoding="utf-8")
+    made = roads[roads["refused"].isna()]
+    near = int((made["line_max_m"] < 0.15).sum())
+    assert f"{len(made)} of {len(roads)} stretches became a road, {near} with the reference line within 0.15 m" in page
+    exports, page = pd.read_csv(results / "exports.csv"), (results / "exports.md").read_text(encoding="utf-8")
+    for row in exports.itertuples():
+        read = "yes" if row.netconvert_reads else "no"
+        cells = [
+            f"`{row.zone}`",
+            row.lanelets,
+            row.lanes_at_start,
+            row.with_a_way_through,
+            read,
+            row.qc_errors,
+            row.qc_warnings,
+        ]
+        assert f"| {' | '.join(map(str, cells))} |" in page
+
+
+def test_figures_of_the_worked_example_are_those_of_its_json() -> None:
+    found = json.loads((ROOT / "docs" / "results" / "prairie_center.json").read_text(encoding="utf-8"))
+    page = (ROOT / "docs" / "guide" / "worked_example.md").read_text(encoding="utf-8")
+    said, marked, mapped = found["announced"], found["marked"], found["verified"]
+    assert f"| announced, estimated (± {said['start_sd_m']:.0f}) | {said['start_m']:.0f} | {said['end_m']:.0f} |" in page
+    ends = [f"{marked[end]['mean_m']:.0f} ± {marked[end]['sd_m']:.0f}" for end in ("start", "end")]
+    assert f"| marked by the drivers, n = 4 (mean ± standard deviation) | {' | '.join(ends)} |" in page
+    ends = [f"{mapped[f'{end}_m']:.0f} ± {mapped[f'{end}_sd_m']:.0f}" for end in ("start", "end")]
+    assert f"| the map (± standard deviation) | {' | '.join(ends)} |" in page
+    late, early = marked["start"]["mean_m"] - said["start_m"], said["end_m"] - marked["end"]["mean_m"]
+    assert f"closed {late:.0f} m later than announced, and opened {early:.0f} m earlier" in page
+    assert found["feed_verified"] == [[False, False]]

@@ -66,7 +66,7 @@ def straight_trace_file(path: Path) -> None:
         ({"duration_s": "duration_s = 120"}, ["demand.warm_up_s=120", "shorter than duration_s=120"]),
         (
             {"flow_vph": "flow_vph = 9000", "drivers": 'drivers = "uncalibrated"'},
-            ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 6047 veh/h"],
+            ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 5669 veh/h"],
         ),
         ({"length_ft": "length_ft = 4000"}, ["the zone ends at", "lengthen the road by 860 ft"]),
         (
@@ -125,7 +125,9 @@ def test_layout_command_writes_the_zone_that_the_paper_names(tmp_path: Path, cap
     areas = json.loads(out)["areas_m"]
     lengths_ft = {"shoulder taper": 240, "merging taper": 720, "shifting taper": 360, "activity area": 650}
     assert {name: areas[name] / 0.3048 for name in lengths_ft} == pytest.approx(lengths_ft, abs=0.01)
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["devices.csv", "layout.geojson", "layout.png"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "devices.csv", "lanes.geojson", "layout.geojson", "layout.png",
+    ]  # fmt: skip
     features = json.loads((tmp_path / "out" / "layout.geojson").read_text())["features"]
     assert {f["properties"]["name"] for f in features} == {
         "drivable",

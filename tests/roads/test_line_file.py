@@ -30,6 +30,13 @@ def test_line_with_attributes_is_a_road(tmp_path: Path) -> None:
     assert found.assumed == ()
 
 
+def test_heights_are_left_out_and_shoulders_may_be_nought(tmp_path: Path) -> None:
+    line = [[*position, 250.0] for position in LINE]
+    found = read_line(write(tmp_path / "r.geojson", line, lanes=1, left_shoulder_ft=0, right_shoulder_ft=0), frame=PLACE)
+    assert (found.road.left_shoulder, found.road.right_shoulder) == (0.0, 0.0)
+    assert found.road.length == pytest.approx(600.7, abs=0.1)
+
+
 def test_what_a_line_does_not_say_is_assumed_and_listed(tmp_path: Path) -> None:
     found = read_line(write(tmp_path / "r.geojson", lanes=2), frame=PLACE)
     assert found.road.lane_widths == pytest.approx([3.6576] * 2)
@@ -43,7 +50,9 @@ def test_what_a_line_does_not_say_is_assumed_and_listed(tmp_path: Path) -> None:
     [
         ({}, "properties.lanes=None must be the number of lanes"),
         ({"lanes": "two"}, "properties.lanes='two' must be a number"),
+        ({"lanes": 9}, "properties.lanes=9 must be the number of lanes, 1 to 8"),
         ({"lanes": 2, "lane_width_ft": -3}, "properties.lane_width_ft=-3"),
+        ({"lanes": 2, "left_shoulder_ft": -0.5}, "properties.left_shoulder_ft=-0.5"),
         ({"lanes": 2, "lane_width_ft": 11, "lane_width_m": 3.3}, "give one of lane_width_m and lane_width_ft"),
         ({"lanes": 2, "coordinates": [[500000, 4000000], [500100, 4000000]]}, "is no longitude and latitude"),
         ({"lanes": 2, "coordinates": [LINE[0], LINE[1], LINE[0]]}, "take a stretch without sharp turns"),

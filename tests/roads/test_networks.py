@@ -15,7 +15,7 @@ from wzsumo.geography import LocalFrame
 from wzsumo.roads.matching import check_edges, edges_of_traces
 from wzsumo.roads.network_road import read_network_road
 from wzsumo.roads.stretch import road_of_edges
-from wzsumo.roads.sumo_net import SumoNet, read_net
+from wzsumo.roads.sumo_net import NetConnection, NetEdge, NetLane, SumoNet, read_net
 from wzsumo.simulation.connection import sumo_binary
 
 # A freeway of 3 lanes that runs east on a bend, an auxiliary lane from an on-ramp to an off-ramp, and its other direction.
@@ -156,3 +156,64 @@ def test_file_that_is_no_network_of_roads_is_refused(tmp_path: Path, content: st
         (tmp_path / "a.net.xml").write_text(content)
     with pytest.raises(SpecError, match=said):
         read_net(tmp_path / "a.net.xml")
+
+
+def made_net(*shapes: list[tuple[float, float]], width: float | None = 3.5, n_lanes: int = 1) -> SumoNet:
+    """Edges e0, e1 ... one after the other, each with lanes beside the rightmost one's shape, without internal lanes."""
+    edges = {}
+    for number, shape in enumerate(shapes):
+        lanes = tuple(
+            NetLane(id=f"e{number}_{k}", index=k, shape=np.add(shape, (0.0, 3.5 * k)), width=width, speed=30.0,
+                    for_cars=True)
+            for k in range(n_lanes)
+        )  # fmt: skip
+        edges[f"e{number}"] = NetEdge(id=f"e{number}", start=str(number), end=str(number + 1), lanes=lanes, internal=False)
+    connections = {
+        (f"e{k}", f"e{k + 1}"): [
+            NetConnection(start=f"e{k}", start_lane=lane, end=f"e{k + 1}", end_lane=lane, via=None) for lane in range(n_lanes)
+        ]
+        for k in range(len(shapes) - 1)
+    }
+    return SumoNet(edges=edges, connections=connections, internal_lanes={}, next_internal={})
+
+
+def test_lanes_that_jump_where_edges_meet_are_smoothed_and_said() -> None:
+    jumping = made_net([(0, 0), (300, 0)], [(300.2, 3.0), (600, 3.0)], [(600.2, 0), (900, 0)])
+    found = road_of_edges(jumping, ["e0", "e1", "e2"], shoulders=(3.0, 3.0), source="net")
+    assert any("jump where edges meet: smoothed over" in word for word in found.assumed)
+    line = shapely.LineString(found.road.reference_line)
+    for x, y in ((150.0, 0.0), (450.0, 3.0), (750.0, 0.0)):
+        assert line.distance(shapely.Point(x, y)) < 0.01
+    straight = made_net([(0, 0), (300, 0)], [(300.2, 0.0), (600, 0.0)])
+    assert not road_of_edges(straight, ["e0", "e1"], shoulders=(3.0, 3.0), source="net").assumed
+
+
+def test_lanes_without_a_width_are_as_wide_as_they_lie_apart_or_as_sumo_says() -> None:
+    shapes: list[tuple[float, float]] = [(0, 0), (700, 0)]
+    two = road_of_edges(made_net(shapes, width=None, n_lanes=2), ["e0"], shoulders=None, source="net")
+    assert two.road.lane_widths == pytest.approx([3.5, 3.5])
+    assert two.road.reference_line[:, 1] == pytest.approx(1.75)  # between the centre lines at y = 0 and 3.5
+    assert (two.road.left_shoulder, two.road.right_shoulder) == pytest.approx((1.2192, 3.048))  # AASHTO: 4 ft and 10 ft
+    assert not any("wide" in word for word in two.assumed)
+    one = road_of_edges(made_net(shapes, width=None), ["e0"], shoulders=None, source="net")
+    assert one.road.lane_widths == pytest.approx([3.2])
+    assert any("3.2 m wide, SUMO's default" in word for word in one.assumed)
+
+
+def test_short_edge_that_no_fix_speaks_for_does_not_end_the_stretch() -> None:
+    chain = made_net([(0, 0), (300, 0)], [(300, 0), (304, 0)], [(304, 0), (700, 0)])
+    fixes = drive(chain, ["e0", "e2"])
+    fixes = fixes[(fixes["x_m"] < 280) | (fixes["x_m"] > 320)]
+    assert edges_of_traces(chain, fixes, source="t") == ["e0", "e1", "e2"]
+
+
+@pytest.mark.parametrize(("shift_m", "found"), [(0.0, ["e0"]), (20.0, ["e0"]), (40.0, None)])
+def test_traces_count_up_to_25_m_beside_an_edge(shift_m: float, found: list[str] | None) -> None:
+    net = made_net([(0, 0), (700, 0)])
+    traces = drive(net, ["e0"], error_m=0.2)
+    moved = traces.assign(y_m=traces["y_m"] + shift_m)
+    if found is None:
+        with pytest.raises(InputError, match="different places"):
+            edges_of_traces(net, moved, source="t")
+    else:
+        assert edges_of_traces(net, moved, source="t") == found

@@ -1,0 +1,87 @@
+"""The tables of docs/results/placement.md and docs/guide/place.md from their CSV files, put into the pages between their marks.
+
+    python analysis/placement/tables.py [--check]
+
+With --check nothing is written, and the exit code is 1 where a page tells other figures than its files.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+
+DOCS = Path(__file__).parents[2] / "docs"
+NETWORKS = {
+    "i24b": "Interstate 24 (yanb514/CorridorCalibration)",
+    "alicante": "Alicante-Murcia freeway (jjgonde/Alicante-Murcia-SUMO-Scenario)",
+    "ingolstadt21": "Ingolstadt, city (Pi-Star-Lab/RESCO)",
+    "cologne8": "Cologne, city (Pi-Star-Lab/RESCO)",
+    "bologna": "Bologna, city (DLR-TS/sumo-scenarios)",
+}
+
+
+def places_table() -> str:
+    rows = pd.read_csv(DOCS / "results" / "placement.csv")
+    lines = ["| network | placed | work | refused by rule | failed | over closed ground |", "|---|---|---|---|---|---|"]
+    for name, title in NETWORKS.items():
+        part = rows[rows["network"] == name]
+        if len(part):
+            counts = [int((part["outcome"] == outcome).sum()) for outcome in ("works", "refused", "failed")]
+            over = int(part["over_devices"].clip(lower=0).sum())
+            lines.append(f"| {title} | {len(part)} | {counts[0]} | {counts[1]} | {counts[2]} | {over} |")
+    return "\n".join(lines)
+
+
+def open_table() -> str:
+    rows = pd.read_csv(DOCS / "results" / "placement_open.csv")
+    titles = {"i24b": "Interstate 24, light traffic", "ramps": "freeway with ramps, 5,400 veh/h"}
+    lines = ["| network | seeds | mean duration [s] | difference [%] with 95 % interval | teleports | emergency stops |",
+             "|---|---|---|---|---|---|"]  # fmt: skip
+    for name, title in titles.items():
+        part = rows[rows["name"] == name].drop(columns="name").pivot_table(index="seed", columns="configuration")
+        before, after = (part["mean_duration_s"][c] for c in ("original", "open"))
+        share = 100 * (after - before) / before
+        half = student.ppf(0.975, len(share) - 1) * share.std(ddof=1) / np.sqrt(len(share))
+        pairs = [
+            " → ".join(f"{part[key][c].sum():.0f}" for c in ("original", "open")) for key in ("teleports", "emergency_stops")
+        ]
+        lines.append(
+            f"| {title} | {len(share)} | {before.mean():.1f} | {share.mean():+.2f} ± {half:.2f} | {pairs[0]} | {pairs[1]} |"
+        )
+    return "\n".join(lines)
+
+
+def example_table() -> str:
+    rows = pd.read_csv(DOCS / "guide" / "place_example" / "runs.csv").groupby("configuration").mean(numeric_only=True)
+    names = {
+        "duration_s": "mean duration [s]", "time_loss_s": "mean time loss [s]", "route_length_m": "mean route length [m]",
+        "over_closed_ground": "vehicles over the ground that `closed` closes",
+    }  # fmt: skip
+    lines = ["| | `original` | `open` | `closed` |", "|---|---|---|---|"]
+    for key, title in names.items():
+        cells = [f"{float(rows[key][name]):.1f}" for name in ("original", "open", "closed")]
+        lines.append(f"| {title} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    results, guide = DOCS / "results" / "placement.md", DOCS / "guide" / "place.md"
+    tables = ((results, "places", places_table), (results, "open", open_table))
+    differing = []
+    for page, mark, make in (*tables, (guide, "table", example_table)):
+        text = page.read_text(encoding="utf-8")
+        before, _, rest = text.partition(f"<!-- {mark} -->\n")
+        _, end, after = rest.partition("<!-- end -->")
+        filled = f"{before}<!-- {mark} -->\n{make()}\n{end}{after}"
+        if filled != text:
+            differing.append(f"{page.name}: {mark}")
+            if "--check" not in sys.argv:
+                page.write_text(filled, encoding="utf-8")
+    if differing and "--check" in sys.argv:
+        sys.exit(f"other figures than in the files: {', '.join(differing)}")
+
+
+if __name__ == "__main__":
+    main()
