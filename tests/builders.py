@@ -1,6 +1,7 @@
 """Inputs that many tests share, in one line each."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -8,7 +9,8 @@ import pandas as pd
 import shapely
 
 from wzsumo.frames import FloatArray
-from wzsumo.lane_map import LaneMap, MappedLane
+from wzsumo.lane_map import LaneMap
+from wzsumo.mutcd.laid_out_lanes import laid_out_lanes
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.road import Bend, Road, RoadSpec
 from wzsumo.work_zone import WorkZone, WorkZoneLayout
@@ -95,27 +97,8 @@ def to_world(pose: npt.ArrayLike, points: npt.ArrayLike) -> FloatArray:
     return np.asarray(points, dtype=float) @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
 
 
-def lane_map_of(layout: WorkZoneLayout, *, step_m: float = 2.0, strips: int = 12, sd_m: float = 0.1) -> LaneMap:
-    """The map that knows a layout exactly: lanes that go through with their lines, those that close in strips."""
-    road = layout.road
-    s = np.linspace(0.0, road.length, round(road.length / step_m) + 1)
-    sd = np.full(len(s), sd_m)
-    lanes = []
-    for place in {(lane.index, lane.start <= 0 and lane.end >= road.length) for lane in layout.lanes if not lane.opposing}:
-        index, goes_through = place
-        right, left = (np.full(len(s), edge) for edge in road.lane_span(index))
-        p_open = np.full((len(s), strips), 0.01)
-        for lane in layout.lanes:
-            if lane.opposing or (lane.index, lane.start <= 0 and lane.end >= road.length) != place:
-                continue
-            here = (s >= lane.start) & (s <= lane.end)
-            near, far = lane.right(s[here]), lane.left(s[here])
-            if goes_through:
-                right[here], left[here] = near, far
-            share = (np.arange(strips) + 0.5) / strips
-            middle = right[here, None] + share * (left - right)[here, None]
-            p_open[here] = np.where((middle > near[:, None]) & (middle < far[:, None]), 0.99, 0.01)
-        lanes.append(MappedLane(right=right, left=left, right_sd=sd, left_sd=sd, p_open=p_open, n_traces=5))
-    lanes.sort(key=lambda lane: float(lane.middle.mean()))
-    first, last = 1_780_322_400.0, 1_780_326_000.0  # an hour of 2026-06-01
-    return LaneMap(axis=road, stations=s, lanes=tuple(lanes), n_traces=5, first_time_s=first, last_time_s=last)
+def lane_map_of(layout: WorkZoneLayout, *, sd_m: float = 0.1) -> LaneMap:
+    """The map that knows a layout exactly, as if five vehicles had shown it within an hour of 2026-06-01."""
+    made = laid_out_lanes(layout, sd_m=sd_m)
+    lanes = tuple(replace(lane, n_traces=5) for lane in made.lanes)
+    return replace(made, lanes=lanes, n_traces=5, first_time_s=1_780_322_400.0, last_time_s=1_780_326_000.0)

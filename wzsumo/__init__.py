@@ -12,12 +12,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from wzsumo.announced_zone import AnnouncedZone
     from wzsumo.api import build_map, plan, run_case
     from wzsumo.ego import EgoRun, Outcome
     from wzsumo.errors import InputError
+    from wzsumo.files.lanes import LanesFile, read_lanes
     from wzsumo.files.ros_map import read_map, write_map
-    from wzsumo.files.traces import read_traces
+    from wzsumo.files.traces import fixes_from, read_fixes, read_traces
+    from wzsumo.geography import LocalFrame
     from wzsumo.grid import OccupancyGrid, blank_grid
+    from wzsumo.lane_map import LaneMap
     from wzsumo.path import ReferencePath
     from wzsumo.planning.plan import Plan, PlanStatus
     from wzsumo.planning.planner_spec import PlannerSpec
@@ -31,8 +35,12 @@ if TYPE_CHECKING:
     __version__: str
 
 __all__ = [
+    "AnnouncedZone",
     "EgoRun",
     "InputError",
+    "LaneMap",
+    "LanesFile",
+    "LocalFrame",
     "OccupancyGrid",
     "Outcome",
     "Plan",
@@ -48,8 +56,12 @@ __all__ = [
     "blank_grid",
     "build_map",
     "compare",
+    "fixes_from",
     "load_scenario",
+    "place",
     "plan",
+    "read_fixes",
+    "read_lanes",
     "read_map",
     "read_results",
     "read_traces",
@@ -58,12 +70,16 @@ __all__ = [
     "write_map",
 ]
 _HOMES = {
-    "api": ("build_map", "plan", "run_case"),
+    "announced_zone": ("AnnouncedZone",),
+    "api": ("build_map", "place", "plan", "run_case"),
     "ego": ("EgoRun", "Outcome"),
     "errors": ("InputError",),
+    "files.lanes": ("LanesFile", "read_lanes"),
     "files.ros_map": ("read_map", "write_map"),
-    "files.traces": ("read_traces",),
+    "files.traces": ("fixes_from", "read_fixes", "read_traces"),
+    "geography": ("LocalFrame",),
     "grid": ("OccupancyGrid", "blank_grid"),
+    "lane_map": ("LaneMap",),
     "path": ("ReferencePath",),
     "planning.plan": ("Plan", "PlanStatus"),
     "planning.planner_spec": ("PlannerSpec",),

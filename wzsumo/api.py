@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from wzsumo.case import case
 from wzsumo.case.files import write_case
@@ -11,9 +11,17 @@ from wzsumo.case.traces_map import crowd_method, map_of_traces, read_road
 from wzsumo.case.watch import Progress, Watch, quiet_progress
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.errors import InputError
+from wzsumo.figures.layout_figure import draw_zone
+from wzsumo.files.layout import layout_geojson
 from wzsumo.files.output import staged_folder
+from wzsumo.files.result_folder import ResultFolder
 from wzsumo.files.traces import fixes_from
 from wzsumo.grid import OccupancyGrid
+from wzsumo.placement.configuration import Configuration
+from wzsumo.placement.net import Net
+from wzsumo.placement.place_on_net import edge_near
+from wzsumo.placement.placement import place_zone, write_placement
+from wzsumo.placement.zone_file import ZoneToPlace
 from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.report.report import write_report
@@ -85,6 +93,41 @@ def build_map(
     return map_of_traces(
         usable, chosen, source="traces", seed=seed, resolution_m=resolution_m, before=before, progress=quiet_progress
     ).grid
+
+
+def place(
+    net: Path | str,
+    *,
+    zone: Path | str,
+    out: Path | str,
+    at: tuple[str, float] | None = None,
+    at_latlon: tuple[float, float] | None = None,
+    lane_side: Literal["left", "right"] | None = None,
+    sumocfg: Path | str | None = None,
+    routes: Sequence[Path | str] = (),
+    additionals: Sequence[Path | str] = (),
+) -> dict[str, Any]:
+    """The report of changes after setting a zone up in an existing SUMO network, as `wzsumo place` does.
+
+    `at` is an edge and a position [m] on it, `at_latlon` a place in degrees; one of them is given. `out` then holds the
+    configurations `original`, `open` and `closed`. Raises InputError where the zone cannot stand there.
+    """
+    if (at is None) == (at_latlon is None):
+        raise InputError("give the place of the zone either as at=(edge, position) or as at_latlon=(latitude, longitude)")
+    if sumocfg and (routes or additionals):
+        raise InputError("sumocfg names its routes and additionals itself; leave routes and additionals out")
+    to_place, network = ZoneToPlace.read(Path(zone)), Net.read(Path(net))
+    if sumocfg:
+        configuration = Configuration.read(Path(sumocfg), net=Path(net))
+    else:
+        configuration = Configuration.of_files(Path(net), map(Path, routes), map(Path, additionals))
+    edge, position = at or edge_near(network, *(at_latlon or (0.0, 0.0)))
+    placed = place_zone(network, to_place, edge_id=edge, position=position, side=lane_side)
+    with staged_folder(Path(out)) as stage:
+        report = write_placement(placed, configuration, stage)
+        drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(placed.layout))
+        draw_zone(drawing).savefig(stage / "layout.png")
+    return report
 
 
 def plan(

@@ -25,7 +25,7 @@ Can an automated vehicle learn from the traces of the cars ahead of it where it 
 # Name of each command, which is also that of its module in commands/, and its purpose.
 COMMANDS = {
     "init": "write a scenario to start from: of the library, or of a work zone in a WZDx feed",
-    "layout": "lay the zone out by the MUTCD: layout.geojson, devices.csv, layout.png",
+    "layout": "lay the zone out by the MUTCD: layout.geojson, lanes.geojson, devices.csv, layout.png",
     "net": "write the SUMO files: open zone.sumocfg in sumo-gui",
     "capacity": "what the zone can carry by the Highway Capacity Manual, 7th edition",
     "run": "run the whole case: result.json, maps, paths, drives, report.html",

@@ -74,12 +74,18 @@ class LocalFrame:
         lon, lat = self.to_lonlat((0.0, 0.0))
         return {
             "crs": self.crs,
-            "crs_name": self._crs.name,
+            "crs_name": self._name,
             "origin_m": list(self.origin_m),
             "origin_lon": float(lon),
             "origin_lat": float(lat),
             "axes": "x east, y north, metres; a point's coordinates in the CRS are (x, y) + origin_m",
         }
+
+    @property
+    def _name(self) -> str:
+        """The CRS's name, or its projection's where it is a PROJ string without one."""
+        operation = self._crs.coordinate_operation
+        return self._crs.name if self._crs.name != "unknown" or operation is None else str(operation.method_name)
 
     def _in_crs(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
         return xy[..., 0] + self.origin_m[0], xy[..., 1] + self.origin_m[1]

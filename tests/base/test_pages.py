@@ -88,3 +88,24 @@ def test_figures_of_the_papers_case_are_those_of_its_csv(page: str) -> None:
     worst = [f"{clearance.min():.2f} m ({clearance.mean():.2f} m)" for clearance in clearances]
     assert f"worst seed (mean) | {worst[0]} | {worst[1]} |" in text
     assert (rows["outcome"] == "REACHED_GOAL").all()
+
+
+def test_figures_of_roads_and_exports_are_those_of_their_csv() -> None:
+    results = ROOT / "docs" / "results"
+    roads, page = pd.read_csv(results / "roads.csv"), (results / "roads.md").read_text(encoding="utf-8")
+    made = roads[roads["refused"].isna()]
+    near = int((made["line_max_m"] < 0.15).sum())
+    assert f"{len(made)} of {len(roads)} stretches became a road, {near} with the reference line within 0.15 m" in page
+    exports, page = pd.read_csv(results / "exports.csv"), (results / "exports.md").read_text(encoding="utf-8")
+    for row in exports.itertuples():
+        read = "yes" if row.netconvert_reads else "no"
+        cells = [
+            f"`{row.zone}`",
+            row.lanelets,
+            row.lanes_at_start,
+            row.with_a_way_through,
+            read,
+            row.qc_errors,
+            row.qc_warnings,
+        ]
+        assert f"| {' | '.join(map(str, cells))} |" in page

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 from builders import lane_map_of, paper_layout, paper_road
+from scipy.stats import norm
 
 from wzsumo.errors import FeedError, MapError
 from wzsumo.feeds.announcement import announced_on
 from wzsumo.feeds.check import rule_faults, schema_faults
 from wzsumo.feeds.publication import FeedDetails, published_zone
 from wzsumo.feeds.road_event import read_feed, road_event, road_events, split_event
+from wzsumo.feeds.verified import verified_zone
 from wzsumo.geography import local_frame
 from wzsumo.road import Road
 from wzsumo.scenario.scenario import load_scenario
@@ -241,7 +243,7 @@ def test_end_is_verified_only_where_it_is_known_well() -> None:
     closed = exact.lanes[2]
     blurred = closed.p_open.copy()
     start = np.flatnonzero(blurred.min(axis=1) < 0.35)[0]
-    blurred[start - 60 : start] = 0.5  # nobody knows over the 120 m ahead of it
+    blurred[start - 60 : start] = np.linspace(0.9, 0.1, 60)[:, None]  # it begins anywhere in the 120 m ahead
     unsure = replace(exact, lanes=(*exact.lanes[:2], replace(closed, p_open=blurred)))
     for lane_map, verified in ((exact, True), (unsure, False)):
         first = published_zone(lane_map, PLACE, DETAILS)["features"][0]["properties"]
@@ -259,3 +261,90 @@ def test_map_without_a_work_zone_is_not_published() -> None:
     straight = replace(exact.lanes[0], right=np.zeros(len(exact.stations)), left=np.full(len(exact.stations), 3.66))
     with pytest.raises(MapError, match="no work zone to publish"):
         published_zone(replace(exact, lanes=(straight,)), PLACE, DETAILS)
+
+
+@pytest.mark.parametrize(
+    ("zone", "impact", "lane_statuses"),
+    [
+        ("right_lane", "some-lanes-closed-merge-left", ["open", "closed"]),
+        ("left_lane", "some-lanes-closed-merge-right", ["closed", "open"]),
+        ("lane_shift", "all-lanes-open-shift-right", ["shift-right", "shift-right"]),
+    ],
+)
+def test_impact_and_lanes_are_those_of_the_zone(zone: str, impact: str, lane_statuses: list[str]) -> None:
+    layout = load_scenario(SCENARIOS / f"{zone}.toml").layout()
+    (found,) = published_zone(lane_map_of(layout, sd_m=0.02), PLACE, DETAILS)["features"]
+    assert found["properties"]["vehicle_impact"] == impact
+    assert [lane["status"] for lane in found["properties"]["lanes"]] == lane_statuses
+    if zone != "lane_shift":  # its lanes keep 12 ft
+        assert not any("restrictions" in lane for lane in found["properties"]["lanes"])
+
+
+@pytest.mark.parametrize(("sd_m", "verified"), [(10.0, True), (20.0, False)])
+def test_end_is_known_as_well_as_its_probability_falls(sd_m: float, verified: bool) -> None:
+    exact = lane_map_of(load_scenario(SCENARIOS / "right_lane.toml").layout())
+    p_open = exact.lanes[0].p_open.copy()
+    end = exact.stations[np.flatnonzero(p_open.min(axis=1) < 0.35)[-1]]
+    behind = exact.stations > end - 100
+    p_open[behind] = norm.cdf(exact.stations[behind], loc=end, scale=sd_m)[:, None]
+    unsure = replace(exact, lanes=(replace(exact.lanes[0], p_open=p_open), *exact.lanes[1:]))
+    zone = verified_zone(unsure)
+    assert zone is not None
+    assert zone.end_m == pytest.approx(end, abs=1.0)
+    assert zone.end_sd_m == pytest.approx(sd_m, rel=0.05)
+    assert zone.start_sd_m < 3
+    assert (zone.closed_lanes, zone.shifted) == ((0,), ())
+    assert published_zone(unsure, PLACE, DETAILS)["features"][-1]["properties"]["is_end_position_verified"] is verified
+
+
+def test_slow_drift_of_a_lane_from_the_axis_is_no_shift() -> None:
+    exact = lane_map_of(load_scenario(SCENARIOS / "right_lane.toml").layout())
+    drift = 3.0 * np.sin(exact.stations / 400.0)  # at most 3 m in 400 m
+    moved = tuple(replace(lane, right=lane.right + drift, left=lane.left + drift) for lane in exact.lanes)
+    zone = verified_zone(replace(exact, lanes=moved))
+    assert zone is not None
+    assert (zone.closed_lanes, zone.shifted) == ((0,), ())
+
+
+def test_zone_that_goes_on_beyond_the_map_has_an_end_that_nobody_knows() -> None:
+    exact = lane_map_of(load_scenario(SCENARIOS / "right_lane.toml").layout())
+    closed = np.minimum(exact.lanes[0].p_open, np.where(exact.stations[:, None] > 700, 0.01, 1.0))
+    zone = verified_zone(replace(exact, lanes=(replace(exact.lanes[0], p_open=closed), *exact.lanes[1:])))
+    assert zone is not None
+    assert zone.end_sd_m == float("inf")
+    assert zone.end_m == exact.stations[-1]
+
+
+def test_direction_that_lies_across_leaves_it_to_the_geometry() -> None:
+    assert announced(event(core={"direction": "northbound"})).zone.start_m == pytest.approx(300.0, abs=0.01)
+    for direction in ("northbound", "undefined", "inner-loop"):
+        with pytest.raises(FeedError, match="the other way"):
+            announced(event(900.0, 300.0, core={"direction": direction}))
+
+
+def test_event_that_begins_or_ends_within_the_traces_counts() -> None:
+    hour = (1_780_322_400.0, 1_780_326_000.0)  # 14:00 to 15:00 of 2026-06-01
+    for dates, counts in (
+        (("2026-06-01T14:30:00Z", "2026-06-02T00:00:00Z"), True),
+        (("2026-05-01T00:00:00Z", "2026-06-01T14:00:00Z"), True),
+        (("2026-06-01T15:00:01Z", "2026-06-02T00:00:00Z"), False),
+        (("2026-05-01T00:00:00Z", "2026-06-01T13:59:59Z"), False),
+    ):
+        other = event(100.0, 1000.0, id="b", start_date=dates[0], end_date=dates[1])
+        assert ("b" in announced(event(), other, times_s=hour).events) == counts
+
+
+def test_line_that_leaves_the_road_counts_by_its_share_beside_it() -> None:
+    inside = PLACE.to_lonlat([*ROAD.to_xy([300.0, 900.0], 5.0), (900.0, 500.0)]).tolist()  # 600 m beside, 500 m away
+    away = PLACE.to_lonlat([*ROAD.to_xy([300.0, 600.0], 5.0), (600.0, 500.0)]).tolist()
+    given = event() | {"geometry": {"type": "LineString", "coordinates": inside}}
+    assert announced(given).zone.end_m == pytest.approx(900.0, abs=1.0)
+    with pytest.raises(FeedError, match="lies elsewhere"):
+        announced(event() | {"geometry": {"type": "LineString", "coordinates": away}})
+    assert not any("moving operation" in word for word in announced(given).said)
+
+
+def test_geometry_that_is_no_place_is_refused() -> None:
+    swapped = event() | {"geometry": {"type": "LineString", "coordinates": [[41.6, -93.6], [41.7, -193.6]]}}
+    with pytest.raises(FeedError, match="which is no longitude and latitude"):
+        road_event(feed(swapped), "a", source="f")

@@ -59,6 +59,18 @@ def freeway() -> Path:
 
 
 @functools.cache
+def freeway_on_earth() -> Path:
+    """A freeway of three lanes in Tennessee, 1.8 km along 36 degrees north, in the UTM frame that netconvert chose."""
+    folder = new_folder()
+    nodes = '<node id="a" x="-86.60" y="36.00"/> <node id="b" x="-86.58" y="36.00"/>'
+    (folder / "small.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
+    (folder / "small.edg.xml").write_text('<edges><edge id="ab" from="a" to="b" numLanes="3" speed="29.06"/> '
+                                          '<edge id="ba" from="b" to="a" numLanes="3" speed="29.06"/></edges>')  # fmt: skip
+    plain = ("-n", str(folder / "small.nod.xml"), "-e", str(folder / "small.edg.xml"))
+    return netconvert(folder, *plain, "--proj.utm", "--no-turnarounds", "false")
+
+
+@functools.cache
 def city() -> Path:
     """A grid of signals, with sidewalks and crossings, lanes of 3.2 m, two in each direction and a lane for turns."""
     folder = new_folder()

@@ -1,5 +1,6 @@
 """Each kind of element on an edge m3 of 1,600 m that is cut at 300 and at 900 m into m3.wz0, m3.wz1 and m3.wz2."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -102,6 +103,11 @@ def rewritten(content: str) -> str:
             '<person id="p" departPos="20.00"><ride from="m3.wz1" to="m3.wz2" arrivalPos="10.00"/></person>',
         ),
         ('<calibrator id="c" edge="m2"/>', '<calibrator id="c" edge="m2"/>'),
+        (
+            '<interval begin="0" end="9"><edge id="m3" traveltime="64"/></interval>',
+            '<interval begin="0" end="9"><edge id="m3.wz0" traveltime="12.000"/><edge id="m3.wz1" traveltime="24.000"/>'
+            '<edge id="m3.wz2" traveltime="28.000"/></interval>',
+        ),
     ],
 )  # fmt: skip
 def test_elements_mean_the_pieces_on_which_they_lie(before: str, after: str) -> None:
@@ -126,6 +132,14 @@ def test_what_a_cut_would_part_is_refused(content: str, words: str) -> None:
         rewritten(content)
 
 
+def test_stop_on_a_lane_that_the_zone_closes_is_refused() -> None:
+    file = XmlFile(path=Path("some.xml"), data=b'<r><busStop id="b" lane="m3_0" startPos="400" endPos="410"/></r>')
+    for closed, refused in (("m3.wz1_0", True), ("m3.wz0_0", False), ("m3.wz1_1", False)):
+        rewriting = Rewriting(cuts={"m3": CUT}, routes={}, rules=RULES, closed_lanes=frozenset({closed}))
+        with pytest.raises(PlacementError, match="lies on lane 'm3_0' where the zone closes it") if refused else nullcontext():
+            rewriting.rewrite(file)
+
+
 @given(st.floats(0, 1600))
 def test_position_of_a_detector_stays_the_same_point_to_a_centimetre(position: float) -> None:
     element = ET.fromstring(rewritten(f'<e1Detector id="d" lane="m3_0" pos="{position:.3f}"/>'))  # noqa: S314
@@ -141,6 +155,11 @@ def test_vehicles_that_depart_on_a_cut_edge_are_counted_flows_by_their_number() 
         '<flow id="c" from="m3" to="m4" begin="0" end="1800" vehsPerHour="100"/><flow id="d" route="r" number="7"/>'
     )
     assert dict(rewriting.departures) == {"m3": 1 + 50 + 7}
+
+
+def test_rerouter_that_some_vehicles_no_longer_meet_is_doubted() -> None:
+    rewriting, _ = rewriting_of('<rerouter id="r" edges="m2 m3"/><rerouter id="s" edges="m2"/>')
+    assert rewriting.doubts == ["rerouter 'r' acts on the first piece of m3: vehicles that depart on the others do not meet it"]
 
 
 def test_every_change_is_on_record_with_file_element_and_rule() -> None:

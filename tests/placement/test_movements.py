@@ -4,7 +4,7 @@ import pytest
 from placement.networks import freeway, placed_on_freeway
 
 from wzsumo.placement.demand_files.vehicles import Demand
-from wzsumo.placement.movements import Movement, lost_movements, vehicles_on
+from wzsumo.placement.movements import Movement, lost_movements, routes_of, vehicles_on
 from wzsumo.placement.net import Net
 from wzsumo.placement.placement import Placed
 from wzsumo.placement.xml_file import XmlFile
@@ -61,7 +61,7 @@ def right_lane_past_the_ramp() -> Placed:
 def test_vehicles_on_a_movement_are_counted_by_route_or_by_the_quickest_way(content: str, count: int) -> None:
     net = Net.read(freeway())
     movement = Movement(came_from="m2", along=("m3", "m3-AddedOffRampEdge"), goes_to="off")
-    assert vehicles_on(net, demand_of(content), [movement], "passenger") == count
+    assert vehicles_on(routes_of(net, demand_of(content), "passenger"), [movement]) == count
 
 
 def test_class_that_may_use_no_open_lane_loses_its_way() -> None:

@@ -15,6 +15,7 @@ import shapely
 from placement.networks import city, freeway, new_folder
 from sumo_runs import outlines_in
 
+import wzsumo
 from wzsumo.cli import main
 from wzsumo.simulation.connection import sumo_binary
 
@@ -133,8 +134,8 @@ def test_detectors_count_the_same_vehicles_where_nothing_is_closed_and_none_in_t
     assert counts["closed"]["closed"] == 0
 
 
-def test_nobody_drives_over_the_closed_ground_and_without_the_zone_many_do() -> None:
-    out, _ = placed_freeway()
+def vehicles_over_closed_ground(out: Path) -> dict[str, int]:
+    """How many vehicles reach into the closed ground by 0.1 m or more in `open` and in `closed`."""
     features = json.loads((out / "layout.geojson").read_text())["features"]
     ground = next(shapely.geometry.shape(f["geometry"]) for f in features if f["properties"]["name"] == "closed_area")
     core = ground.buffer(-0.1)
@@ -145,14 +146,36 @@ def test_nobody_drives_over_the_closed_ground_and_without_the_zone_many_do() -> 
         rows = pd.read_csv(fcd, sep=";").rename(columns=lambda column: column.split("_", 1)[1])
         rows = rows[rows["id"].notna()]
         over[name] = rows["id"][core.intersects(outlines_in(rows, length=5.0, width=1.8))].nunique()
-    assert over["open"] > 50
-    assert over["closed"] == 0
+    return over
 
 
 def _pieces(out: Path) -> Path:
     path = out / "pieces.txt"
-    path.write_text("".join(f"edge:m3.wz{number}\n" for number in range(4)))
+    path.write_text("".join(f"edge:m3.wz{number}\n" for number in range(6)))
     return path
+
+
+def test_nobody_drives_over_the_closed_ground_and_without_the_zone_many_do() -> None:
+    over = vehicles_over_closed_ground(placed_freeway()[0])
+    assert over["open"] > 50
+    assert over["closed"] == 0
+
+
+@pytest.mark.parametrize(
+    "zone",
+    [
+        "closed_lanes = [1]\nwork_length_ft = 300\nposted_speed_mph = 55",
+        "closed_lanes = [1, 2]\nwork_length_ft = 300\nposted_speed_mph = 45",
+        "closed_lanes = [2]\nwork_length_ft = 300\nshift_ft = 6\n[road]\nright_shoulder_ft = 10\nleft_shoulder_ft = 8",
+    ],
+    ids=["interior", "two lanes", "shift"],
+)
+def test_zones_of_other_kinds_keep_everybody_off_the_closed_ground(zone: str, tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(f"[work_zone]\n{zone}\n")
+    demand = freeway().parent / "demand.rou.xml"
+    wzsumo.place(freeway(), zone=tmp_path / "zone.toml", at=("m3", 100.0), routes=[demand], out=tmp_path / "out")
+    assert vehicles_over_closed_ground(tmp_path / "out")["closed"] == 0
+    assert "eleport" not in simulate(tmp_path / "out" / "closed")
 
 
 def test_zone_is_drawn_in_the_network_that_is_closed() -> None:
@@ -180,6 +203,16 @@ def test_zone_in_a_city_of_signals_loads_and_runs() -> None:
     ]
     for name in ("original", "open", "closed"):
         assert "Warning" not in simulate(out / name, "--end", "600")
+
+
+def test_vehicles_that_heed_no_closure_are_refused_with_their_number(tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(LEFT_LANE)
+    demand = '<vType id="t" vClass="ignoring"/><flow id="a" from="m1" to="m4" number="12" begin="0" end="60" type="t"/>'
+    (tmp_path / "trips.xml").write_text(f"<routes>{demand}</routes>")
+    words = ("--at", "m3", 300, "--routes", tmp_path / "trips.xml", "--out", tmp_path / "out")
+    code, _, err = run_place(freeway(), "--zone", tmp_path / "zone.toml", *words)
+    assert (code, err.count("\n")) == (2, 1)
+    assert '12 vehicles of class "ignoring" drive along the closed lanes\' edges (m3)' in err
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from builders import lane_map_of, paper_layout
 
 from wzsumo.announced_zone import AnnouncedZone
-from wzsumo.feeds.publication import VerifiedZone
+from wzsumo.feeds.verified import VerifiedZone
 from wzsumo.files.lanes import LanesFile
 from wzsumo.geography import local_frame
 from wzsumo.report.zone_page import differences, write_zone_page, zone_page

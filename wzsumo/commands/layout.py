@@ -5,9 +5,11 @@ from typing import Any
 
 from wzsumo.commands.arguments import add_out_folder, add_scenario
 from wzsumo.figures.layout_figure import draw_zone
+from wzsumo.files.lanes import LanesFile, write_lanes
 from wzsumo.files.layout import layout_geojson, write_layout
 from wzsumo.files.output import staged_folder
 from wzsumo.files.result_folder import ResultFolder
+from wzsumo.mutcd.laid_out_lanes import laid_out_lanes
 from wzsumo.scenario.scenario import load_scenario
 
 
@@ -18,11 +20,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
-    """Lengths and areas of the zone, after writing layout.geojson, devices.csv and layout.png."""
+    """Lengths and areas of the zone, after writing layout.geojson, lanes.geojson for `export`, devices.csv and layout.png."""
     scenario = load_scenario(args.scenario)
     layout = scenario.layout()
     with staged_folder(args.out) as stage:
         write_layout(layout, stage, frame=scenario.road.frame)
+        write_lanes(LanesFile(lanes=laid_out_lanes(layout), frame=scenario.road.frame), stage)
         drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(layout))
         draw_zone(drawing).savefig(stage / "layout.png")
     return {

@@ -17,7 +17,7 @@ from wzsumo.commands.progress import progress_bar
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.errors import InputError
-from wzsumo.feeds.publication import verified_zone
+from wzsumo.feeds.verified import verified_zone
 from wzsumo.files.fixes.fixes import Fixes
 from wzsumo.files.frame import write_frame
 from wzsumo.files.lanes import LanesFile, write_lanes

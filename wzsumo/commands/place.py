@@ -4,17 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from wzsumo import api
 from wzsumo.commands.arguments import add_out_folder, number
 from wzsumo.errors import PlacementError
-from wzsumo.figures.layout_figure import draw_zone
-from wzsumo.files.layout import layout_geojson
-from wzsumo.files.output import staged_folder
-from wzsumo.files.result_folder import ResultFolder
-from wzsumo.placement.configuration import Configuration
-from wzsumo.placement.net import Net
-from wzsumo.placement.place_on_net import edge_near
-from wzsumo.placement.placement import place_zone, write_placement
-from wzsumo.placement.zone_file import ZoneToPlace
 
 MORE = """\
 Writes three configurations, each complete: `original` as it was, `open` with its edges cut and nothing closed, `closed` with
@@ -59,20 +51,17 @@ def prepared(words: list[str]) -> list[str]:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Write the three configurations; where the zone lies, what is cut, how many elements were changed."""
-    if args.sumocfg and (args.routes or args.additionals):
-        raise PlacementError("--sumocfg names its routes and additionals itself; leave --routes and --additionals out")
-    zone = ZoneToPlace.read(args.zone)
-    net = Net.read(args.net)
-    if args.sumocfg:
-        configuration = Configuration.read(args.sumocfg, net=args.net)
-    else:
-        configuration = Configuration.of_files(args.net, args.routes, args.additionals)
-    edge, position = _place(args, net)
-    placed = place_zone(net, zone, edge_id=edge, position=position, side=args.lane_side)
-    with staged_folder(args.out) as stage:
-        report = write_placement(placed, configuration, stage)
-        drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(placed.layout))
-        draw_zone(drawing).savefig(stage / "layout.png")
+    report = api.place(
+        args.net,
+        zone=args.zone,
+        out=args.out,
+        at=_at(*args.at) if args.at else None,
+        at_latlon=tuple(args.at_latlon) if args.at_latlon else None,
+        lane_side=args.lane_side,
+        sumocfg=args.sumocfg,
+        routes=args.routes,
+        additionals=args.additionals,
+    )
     configs = {name: str(args.out / name / "run.sumocfg") for name in ("original", "open", "closed")}
     return report["zone"] | {
         "configurations": configs,
@@ -82,11 +71,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _place(args: argparse.Namespace, net: Net) -> tuple[str, float]:
-    if args.at_latlon:
-        return edge_near(net, *args.at_latlon)
-    edge, position = args.at[0].strip(), args.at[1]
+def _at(edge: str, position: str) -> tuple[str, float]:
     try:
-        return edge, float(position)
+        return edge.strip(), float(position)
     except ValueError:
         raise PlacementError(f"--at {edge} {position}: the position is not a number; give metres along the edge") from None

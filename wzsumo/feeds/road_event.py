@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -125,13 +125,13 @@ def _event(found: Any, *, source: str) -> RoadEvent:
         return RoadEvent(
             id=str(found.get("id", "?")),
             kind=str(core["event_type"]),
-            road_names=tuple(map(str, core.get("road_names", ()))),
-            direction=str(core.get("direction", "unknown")),
+            road_names=tuple(map(str, core.get("road_names") or ())),
+            direction=str(core.get("direction") or "unknown"),
             lonlat=points,
             in_order=geometry["type"] == "LineString",
             start_verified=_verified(properties, "is_start_position_verified", "beginning_accuracy"),
             end_verified=_verified(properties, "is_end_position_verified", "ending_accuracy"),
-            vehicle_impact=str(properties.get("vehicle_impact", "unknown")),
+            vehicle_impact=str(properties.get("vehicle_impact") or "unknown"),
             lanes=tuple(_lane(lane) for lane in properties.get("lanes") or ()),
             movement=properties.get("work_zone_type"),
             speed_mps=None if speed is None else float(speed) / 3.6,
@@ -151,5 +151,10 @@ def _verified(properties: Mapping[str, Any], key: str, older: str) -> bool:
     return bool(properties[key]) if key in properties else properties.get(older) == "verified"
 
 
-def _seconds(text: str | None) -> float | None:
-    return None if text is None else datetime.fromisoformat(text).timestamp()
+def _seconds(text: Any) -> float | None:
+    """Seconds since 1970-01-01 UTC of a date; None where there is none. A date without a zone is UTC (business rule 5)."""
+    try:
+        date = datetime.fromisoformat(text)
+    except (TypeError, ValueError):
+        return None
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()

@@ -60,8 +60,9 @@ def lanes_geojson(content: LanesFile) -> dict[str, Any]:
     )
 
 
-def read_lanes(path: Path) -> LanesFile:
-    """The lane map of a lanes.geojson. Raises MapError where the file is none."""
+def read_lanes(path: Path | str) -> LanesFile:
+    """The lane map of a lanes.geojson, or of the folder that holds it. Raises MapError where the file is none."""
+    path = Path(path)
     if path.is_dir():
         path = path / LANES_FILE
     try:

@@ -22,7 +22,7 @@ def read_traces(path: Path | str) -> pd.DataFrame:
 
 
 def read_fixes(
-    paths: Sequence[Path],
+    paths: Sequence[Path | str],
     *,
     columns: Mapping[str, str] = NO_COLUMNS,
     crs: str | None = None,
@@ -33,7 +33,7 @@ def read_fixes(
     `columns` names the columns of some meanings (see `fixes.dialects`), `crs` says what plane coordinates are in, `frame` is
     one that degrees are to be projected to. Raises TraceError where a file is none, and where files do not belong together.
     """
-    files = [file for path in paths for file in table_files(path)]
+    files = [file for path in paths for file in table_files(Path(path))]
     parts: list[Fixes] = []
     of_first: str | None = None
     for file in files:

@@ -8,15 +8,15 @@ from typing import Self
 from wzsumo.errors import PlacementError
 from wzsumo.placement.xml_file import Edits, Element, XmlFile, escaped
 
-NET, ROUTES, ADDITIONALS = "net-file", "route-files", "additional-files"
+NET, ROUTES, ADDITIONALS, WEIGHTS = "net-file", "route-files", "additional-files", "weight-files"
 # SUMO's options by their other names (sumo --help).
 _SYNONYMS = {
-    "n": NET, "net": NET, "r": ROUTES, "a": ADDITIONALS, "additional": ADDITIONALS, "w": "weight-files",
-    "weights": "weight-files", "g": "gui-settings-file",
+    "n": NET, "net": NET, "r": ROUTES, "a": ADDITIONALS, "additional": ADDITIONALS, "w": WEIGHTS,
+    "weights": WEIGHTS, "g": "gui-settings-file",
 }  # fmt: skip
 _STATES = ("load-state",)  # a saved state counts edges and lanes of the network that it was saved from
 _WRITTEN = ("output", "log", "prefix", "save-state")  # what SUMO writes, by what the option's name holds
-REQUIRED = (NET, ROUTES, ADDITIONALS, "weight-files")
+REQUIRED = (NET, ROUTES, ADDITIONALS, WEIGHTS)
 DRAWING, DEFAULT_TYPE = "wzsumo.zone.add.xml", "wzsumo.vtype.add.xml"
 CONFIG = "run.sumocfg"
 
@@ -39,6 +39,7 @@ class Configuration:
     net: Path
     routes: tuple[Path, ...]
     additionals: tuple[Path, ...]
+    weights: tuple[Path, ...] = ()  # travel times by edge
     options: tuple[Option, ...] = ()  # of the configuration's file, those that name files
 
     @classmethod
@@ -70,13 +71,19 @@ class Configuration:
             net=net.resolve(),
             routes=named.get(ROUTES, ()),
             additionals=named.get(ADDITIONALS, ()),
+            weights=named.get(WEIGHTS, ()),
             options=tuple(options),
         )
 
     @property
+    def demand(self) -> tuple[Path, ...]:
+        """The files that may name edges."""
+        return (*self.routes, *self.additionals, *self.weights)
+
+    @property
     def others(self) -> tuple[Path, ...]:
-        """Files that SUMO reads and that are neither network nor demand nor additional: settings, weights."""
-        own = {self.net, *self.routes, *self.additionals}
+        """Files that SUMO reads and that are name no edges, such as settings of sumo-gui."""
+        own = {self.net, *self.routes, *self.additionals, *self.weights}
         return tuple(dict.fromkeys(file for option in self.options for file in option.files if file not in own))
 
 
@@ -91,7 +98,7 @@ class ConfigurationFolder:
     def __post_init__(self) -> None:
         """Choose a name for each file: its own, with a number where two files share one."""
         configuration = self.configuration
-        for path in (configuration.net, *configuration.routes, *configuration.additionals, *configuration.others):
+        for path in (configuration.net, *configuration.demand, *configuration.others):
             taken = set(self.names.values()) | {CONFIG, DRAWING, DEFAULT_TYPE}
             candidates = (path.name if n == 0 else f"{n}_{path.name}" for n in range(1000))
             self.names.setdefault(path, next(name for name in candidates if name not in taken))

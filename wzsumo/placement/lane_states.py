@@ -68,6 +68,16 @@ class ClosedLanes:
         """Ids of the internal lanes that are closed."""
         return frozenset(id_ for id_, changes in self.via_lanes.items() if changes.get("allow") == UNUSED_VEHICLE_CLASS)
 
+    @property
+    def closed_lanes(self) -> frozenset[str]:
+        """Ids of the lanes, of pieces and of whole edges, that the zone closes to all vehicles or to some."""
+        return frozenset(
+            f"{piece.id}_{index}"
+            for piece in self.pieces
+            for index, changes in piece.lanes.items()
+            if {"allow", "disallow"} & changes.keys()
+        )
+
     def leads_to(self, piece: Piece, following: Piece) -> dict[int, int]:
         """Lane index on the next piece of the same edge by lane index: which lanes go on at a cut, and where."""
         slots, links = self.plan.corridor.slots, {}

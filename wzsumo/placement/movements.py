@@ -5,7 +5,7 @@ connections of the lanes that it reaches. Edges that are connected by lanes out 
 not count as connected.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,6 +19,7 @@ from wzsumo.placement.lane_states import ClosedLanes, Piece
 from wzsumo.placement.net import Net, allows
 
 Attributes = dict[str, str]
+Route = tuple[str, ...]  # edges
 Stage = tuple[str, list[Attributes], list[tuple[int, int]]]  # edge or piece, its lanes, the connections to the next one
 
 
@@ -43,16 +44,22 @@ def lost_movements(net: Net, closed: ClosedLanes, vehicle_class: str) -> list[Mo
     return sorted(before - after, key=lambda movement: (len(movement.along), movement.edges))
 
 
-def vehicles_on(net: Net, demand: Demand, movements: Iterable[Movement], vehicle_class: str) -> int:
-    """How many vehicles of a class make one of the movements.
-
-    Those without a route are taken to drive the way that is quickest on empty roads.
-    """
+def vehicles_on(routes: Counter[Route], movements: Iterable[Movement]) -> int:
+    """How many vehicles make one of the movements."""
     wanted = list(movements)
-    routes = {trip: trip.edges for trip in demand.trips if trip.vehicle_class == vehicle_class and trip.routed}
-    unrouted = [trip for trip in demand.trips if trip.vehicle_class == vehicle_class and not trip.routed]
-    routes |= dict(_quickest_routes(net, unrouted, vehicle_class))
-    return sum(demand.trips[trip] for trip, edges in routes.items() if any(_makes(edges, movement) for movement in wanted))
+    return sum(n for route, n in routes.items() if any(_makes(route, movement) for movement in wanted))
+
+
+def routes_of(net: Net, demand: Demand, vehicle_class: str) -> Counter[Route]:
+    """The routes of a class with the number of vehicles; of trips without a route the one that is quickest on empty roads."""
+    trips = [trip for trip in demand.trips if trip.vehicle_class == vehicle_class]
+    routes: Counter[Route] = Counter()
+    for trip in trips:
+        if trip.routed:
+            routes[trip.edges] += demand.trips[trip]
+    for trip, route in _quickest_routes(net, [trip for trip in trips if not trip.routed], vehicle_class):
+        routes[route] += demand.trips[trip]
+    return routes
 
 
 def _stages(closed: ClosedLanes, *, closed_lanes: bool) -> list[list[Stage]]:
@@ -129,7 +136,7 @@ def _beside(lanes: set[int], attributes: list[Attributes], vehicle_class: str) -
     return reached
 
 
-def _makes(edges: tuple[str, ...], movement: Movement) -> bool:
+def _makes(edges: Route, movement: Movement) -> bool:
     part = movement.edges
     if part[0] not in edges:
         return False
@@ -141,7 +148,7 @@ def _makes(edges: tuple[str, ...], movement: Movement) -> bool:
     return bool(places)
 
 
-def _quickest_routes(net: Net, trips: list[Trip], vehicle_class: str) -> Iterator[tuple[Trip, tuple[str, ...]]]:
+def _quickest_routes(net: Net, trips: list[Trip], vehicle_class: str) -> Iterator[tuple[Trip, Route]]:
     """The quickest route of each trip over empty roads; none for trips that have no route even so."""
     if not trips:
         return

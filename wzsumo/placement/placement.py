@@ -1,6 +1,7 @@
 """A work zone placed in an existing SUMO network: three configurations that differ by the zone alone."""
 
 import json
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,11 @@ from wzsumo.placement.demand_files.vehicles import DEFAULT_TYPE as DEFAULT_VEHIC
 from wzsumo.placement.demand_files.vehicles import Demand
 from wzsumo.placement.lane_plan import LanePlan, plan_lanes
 from wzsumo.placement.lane_states import ClosedLanes
-from wzsumo.placement.movements import lost_movements, vehicles_on
+from wzsumo.placement.movements import Route, lost_movements, routes_of, vehicles_on
 from wzsumo.placement.net import Net
 from wzsumo.placement.net_patch import NetPatch
 from wzsumo.placement.place_on_net import edge_at, known_frame
-from wzsumo.placement.refusals import check_cuts, check_signals
+from wzsumo.placement.refusals import SIGNALS, check_cuts, check_signals
 from wzsumo.placement.xml_file import XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace, on_side
 from wzsumo.road import Road, RoadSpec
@@ -33,6 +34,7 @@ from wzsumo.simulation.files import write_drawing
 from wzsumo.units import feet_from_metres
 from wzsumo.work_zone import Side, WorkZone, WorkZoneLayout
 
+LAWLESS_CLASS = "ignoring"  # SUMO's class of vehicles that heed no lane's permissions (SUMO docs, Vehicle Classes)
 LONG_ROAD_FT = 60_000.0  # straight: a zone is as long on it as anywhere
 
 RULES = VEHICLE_RULES | EDGE_RULES | LANE_RULES
@@ -80,11 +82,10 @@ def write_placement(placed: Placed, configuration: Configuration, folder: Path) 
     """Write `original`, `open` and `closed`, the layout and the report of changes; returns the report."""
     net = placed.corridor.net
     cuts = {cut.edge.id: cut for cut in placed.plan.cuts}
-    files = {path: XmlFile.read(path, role="the demand") for path in configuration.routes}
-    files |= {path: XmlFile.read(path, role="the additional file") for path in configuration.additionals}
+    files = {path: XmlFile.read(path, role="the demand") for path in configuration.demand}
     demand = Demand.read(list(files.values()))
     doubts = _check_routes(placed, demand)
-    rewriting = Rewriting(cuts=cuts, routes=demand.routes, rules=RULES, doubts=doubts)
+    rewriting = Rewriting(cuts=cuts, routes=demand.routes, rules=RULES, closed_lanes=placed.closed.closed_lanes, doubts=doubts)
     rewritten = {path: rewriting.rewrite(file) for path, file in files.items()}
     default_type = DEFAULT_TYPE if demand.uses_default_type and not demand.defines_default_type else None
     changes: list[Change] = []
@@ -136,15 +137,18 @@ def _laid_out(work_zone: WorkZone, road: Road, edge_id: str) -> WorkZoneLayout:
 
 
 def _check_routes(placed: Placed, demand: Demand) -> list[str]:
-    """Doubts about movements that nobody makes. Raises PlacementError where vehicles lose their way."""
+    """Doubts about movements that nobody makes. Raises PlacementError where vehicles lose their way, or obey no closure."""
     doubts = []
+    net = placed.corridor.net
     for vehicle_class in sorted(demand.classes):
-        lost = lost_movements(placed.corridor.net, placed.closed, vehicle_class)
+        if vehicle_class == LAWLESS_CLASS:
+            _refuse_lawless(placed, routes_of(net, demand, vehicle_class))
+            continue
+        lost = lost_movements(net, placed.closed, vehicle_class)
         if not lost:
             continue
         told = " -> ".join(lost[0].edges)
-        n_vehicles = vehicles_on(placed.corridor.net, demand, lost, vehicle_class)
-        if n_vehicles:
+        if n_vehicles := vehicles_on(routes_of(net, demand, vehicle_class), lost):
             raise PlacementError(
                 f"{n_vehicles} vehicles of class {vehicle_class} would lose their way: no open lane leads along edges {told} "
                 f"any more ({len(lost)} movements lost); move the zone, shorten it, or close lanes on the other side"
@@ -153,11 +157,33 @@ def _check_routes(placed: Placed, demand: Demand) -> list[str]:
     return doubts
 
 
+def _refuse_lawless(placed: Placed, routes: Counter[Route]) -> None:
+    closed = {piece.link.edge.id for piece in placed.closed.pieces if piece.barred}
+    if n_vehicles := sum(n for route, n in routes.items() if closed & set(route)):
+        raise PlacementError(
+            f'{n_vehicles} vehicles of class "{LAWLESS_CLASS}" drive along the closed lanes\' edges '
+            f"({', '.join(sorted(closed))}), and SUMO lets that class drive on closed lanes; give their vType another vClass, "
+            "such as passenger"
+        )
+
+
 def _default_type_text() -> str:
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<additional>\n'
         f'    <vType id="{DEFAULT_VEHICLE_TYPE}" lcStrategicLookahead="{LOOK_AHEAD_M:.0f}"/>\n</additional>\n'
     )
+
+
+def _cut_approaches(placed: Placed) -> list[str]:
+    """Doubts about cut edges that end at a signal."""
+    junctions = placed.corridor.net.junctions
+    ends = [(cut.edge.id, junctions[cut.edge.to_node]) for cut in placed.plan.cuts if cut.edge.to_node in junctions]
+    return [
+        f"edge {edge!r}, which is cut, ends at the signal of junction {junction.get('id')!r}: a saturated approach may "
+        "discharge some percent more or less; compare open with original"
+        for edge, junction in ends
+        if junction.get("type") in SIGNALS
+    ]
 
 
 def _report(placed: Placed, rewriting: Rewriting, changes: list[Change]) -> dict[str, Any]:
@@ -179,6 +205,6 @@ def _report(placed: Placed, rewriting: Rewriting, changes: list[Change]) -> dict
             "n_devices": len(layout.devices),
         },
         "cuts": {cut.edge.id: {"pieces": list(cut.ids), "at_m": list(cut.positions)} for cut in plan.cuts},
-        "warnings": [*placed.doubts, *departures, *rewriting.doubts],
+        "warnings": [*placed.doubts, *departures, *_cut_approaches(placed), *rewriting.doubts],
         "changes": [change.as_row() for change in [*changes, *rewriting.changes]],
     }

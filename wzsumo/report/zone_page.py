@@ -13,7 +13,8 @@ import numpy as np
 import shapely
 
 from wzsumo.announced_zone import AnnouncedZone
-from wzsumo.feeds.publication import VERIFIED_WITHIN_M, VerifiedZone, verified_zone
+from wzsumo.feeds.publication import VERIFIED_WITHIN_M
+from wzsumo.feeds.verified import VerifiedZone, verified_zone
 from wzsumo.figures.zone_axes import BLUE, GREY, ORANGE, VERMILION
 from wzsumo.files.export.open_strips import open_sections
 from wzsumo.files.lanes import LanesFile
@@ -98,7 +99,8 @@ def write_zone_page(content: LanesFile, folder: Path, *, announced: AnnouncedZon
 def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[str, Any]:
     """Shapes of the map in the units of its drawing, north (or y) up."""
     lanes = content.lanes
-    ground = lanes.to_xy(lanes.stations, lanes.axis.own_width / 2)
+    middle_line = np.mean([lane.middle for lane in lanes.lanes], axis=0)
+    ground = lanes.to_xy(lanes.stations, middle_line)
     turn = 0.0 if content.frame is None else np.pi / 2 - content.frame.north_at(ground[len(ground) // 2])
     to_north = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     low, high = (ground @ to_north.T).min(axis=0), (ground @ to_north.T).max(axis=0)
@@ -110,20 +112,25 @@ def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[st
         moved = (xy @ to_north.T - middle) * scale
         return np.column_stack([MAP_WIDTH / 2 + moved[:, 0], height / 2 - moved[:, 1]])
 
-    width = max(scale * lanes.axis.own_width / len(lanes.lanes), LEAST_LANE_WIDTH)
-    spread = width / (scale * lanes.axis.own_width / len(lanes.lanes))  # lanes are drawn apart where they would be hairlines
+    lane_width = float(np.median([lane.left - lane.right for lane in lanes.lanes]))
+    width = max(scale * lane_width, LEAST_LANE_WIDTH)
+    spread = width / (scale * lane_width)  # lanes are drawn apart where they would be hairlines
     shapes = []
     for index, lane in enumerate(lanes.lanes):
-        offset = lanes.axis.own_width / 2 + (lane.middle - lanes.axis.own_width / 2) * spread
-        for state, colour in (("closed", VERMILION), ("open", BLUE)):
-            for first, last in getattr(lanes, f"{state}_intervals")(index):
+        offset = middle_line + (lane.middle - middle_line) * spread
+        states = (
+            (GREY, [(lanes.stations[0], lanes.stations[-1])]), (VERMILION, lanes.closed_intervals(index)),
+            (BLUE, lanes.open_intervals(index)),
+        )  # fmt: skip
+        for colour, intervals in states:
+            for first, last in intervals:
                 s = np.linspace(first, last, 80)
                 path = place(lanes.to_xy(s, np.interp(s, lanes.stations, offset)))
                 shapes.append({"points": _points(path), "colour": colour, "width": round(0.8 * width, 2)})
     marks = []
     for name in ("start", "end") if announced else ():
         s = getattr(announced, f"{name}_m")
-        across = place(lanes.to_xy([s, s], lanes.axis.own_width / 2 + np.array([-14.0, 14.0]) / scale))
+        across = place(lanes.to_xy([s, s], np.interp(s, lanes.stations, middle_line) + np.array([-14.0, 14.0]) / scale))
         x, y = float(across[0, 0]), float(across[:, 1].min()) - 4
         marks.append({"points": _points(across), "name": f"announced {name}", "x": round(x, 1), "y": round(y, 1)})
     bar = _round_length(160.0 / scale)
@@ -162,7 +169,7 @@ def _detail_drawing(lanes: LaneMap, announced: AnnouncedZone | None) -> dict[str
         marks.append({"x": round(x, 1), "left": round(x - sd, 1), "width": round(2 * sd, 1), "name": f"announced {name}"})
     step = _round_length((s1 - s0) / 6)
     at = np.arange(np.ceil(s0 / step) * step, s1, step)
-    ticks = [{"x": round(MARGIN + (station - s0) * along, 1), "text": f"{station:.0f} m"} for station in at]
+    ticks = [{"x": round(MARGIN + (station - s0) * along, 1), "text": f"{abs(station):.0f} m"} for station in at]
     return {
         "width": MAP_WIDTH, "height": DETAIL_HEIGHT, "base": DETAIL_HEIGHT - 45.0, "strips": strips, "marks": marks,
         "ticks": ticks, "colour": ORANGE,

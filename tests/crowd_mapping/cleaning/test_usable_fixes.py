@@ -101,44 +101,6 @@ def test_fixes_that_extend_over_less_than_a_metre_are_refused(extent_m: float) -
         assert fixes_by_trace(usable(table)) == {"a": 5}
 
 
-@pytest.mark.parametrize("columns", [("lat", "lng"), ("Latitude", "Longitude_deg"), ("LAT_WGS84", "lon")])
-def test_columns_of_degrees_are_named_and_refused(columns: tuple[str, str]) -> None:
-    table = drive().rename(columns=dict(zip(("y_m", "x_m"), columns, strict=True)))
-    with pytest.raises(TraceError, match=f"{columns[1]}, {columns[0]} given; project them"):
-        usable(table)
-
-
-def degrees(speed_mps: float, *, latitude: float = 0.0, n: int = 20) -> pd.DataFrame:
-    """Fixes of one vehicle that drives north, in degrees of longitude and latitude on a sphere of 6371 km."""
-    north = np.rad2deg(speed_mps * np.arange(n) / 6_371_000)
-    return drive(n=n).assign(x_m=10.0, y_m=latitude + north)
-
-
-@pytest.mark.parametrize(
-    ("speed_mps", "says"),
-    [(0.4, "lie within"), (0.6, "longitude and latitude"), (74.0, "about 74 m/s"), (76.0, "lie within")],
-)
-def test_coordinates_are_degrees_where_vehicles_then_move_as_vehicles_do(speed_mps: float, says: str) -> None:
-    with pytest.raises(TraceError, match=says):
-        usable(degrees(speed_mps))
-
-
-@pytest.mark.parametrize(("extent_deg", "says"), [(0.49, "longitude and latitude"), (0.51, "lie within 0.51 m")])
-def test_zone_of_more_than_half_a_degree_is_not_taken_for_one(extent_deg: float, says: str) -> None:
-    n = 2000
-    table = degrees(20.0, n=n)
-    table["y_m"] = np.linspace(0, extent_deg, n)
-    with pytest.raises(TraceError, match=says):
-        usable(table)
-
-
-def test_degree_of_longitude_counts_as_long_as_its_latitude_makes_it() -> None:
-    # At 60 degrees north it is half as long: 0.0004 degrees are 22 m.
-    table = drive().assign(y_m=60.0, x_m=24.0 + 0.0004 * np.arange(20))
-    with pytest.raises(TraceError, match="about 22 m/s"):
-        usable(table)
-
-
 def test_widths_that_are_missing_are_the_median_of_the_others() -> None:
     table = drive().assign(width_m=[2.0] * 10 + [np.nan] * 10)
     assert usable(table).traces["width_m"].tolist() == [2.0] * 20

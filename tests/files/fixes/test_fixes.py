@@ -250,3 +250,28 @@ def test_files_of_different_kinds_or_crs_are_refused_together(tmp_path: Path) ->
     for pair, said in ((("b.csv", "a.csv"), "files of one kind"), (("c.parquet", "d.parquet"), "share one")):
         with pytest.raises(InputError, match=said):
             read_fixes([tmp_path / name for name in pair])
+
+
+def test_points_of_the_bumper_are_moved_back_along_the_heading(tmp_path: Path) -> None:
+    north = pd.DataFrame(
+        {"timestep_time": np.arange(20.0), "vehicle_id": "a", "vehicle_x": 7.0, "vehicle_y": 20.0 * np.arange(20),
+         "vehicle_angle": 0.0}
+    )  # fmt: skip
+    fixes = read(tmp_path / "fcd.csv", north).table
+    assert fixes["x_m"].to_numpy() == pytest.approx(7.0)
+    assert fixes["y_m"].to_numpy() == pytest.approx(20.0 * np.arange(20) - 2.5)
+
+
+def test_a_value_that_is_no_number_stays_to_be_named(tmp_path: Path) -> None:
+    table = metres(DRIVE).astype({"x_m": object})
+    table.loc[3, "x_m"] = "here"
+    assert read(tmp_path / "a.csv", table).table["x_m"].iloc[3] == "here"
+    with pytest.raises(InputError, match="longitude of row 0 is 'east'"):
+        read(tmp_path / "b.csv", provider(DRIVE).assign(longitude="east"))
+    with pytest.raises(InputError, match=r"x_m.* in m and ft: give both"):
+        read(tmp_path / "c.csv", metres(DRIVE), columns={"y_ft": "y_m"})
+
+
+def test_small_vehicles_and_empty_sizes_are_no_fault(tmp_path: Path) -> None:
+    fixes = read(tmp_path / "a.csv", metres(DRIVE).assign(width_m=[0.8, np.nan] * 40)).table
+    assert fixes["width_m"].iloc[:2].to_list() == [0.8, pytest.approx(np.nan, nan_ok=True)]

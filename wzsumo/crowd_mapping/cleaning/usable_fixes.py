@@ -23,11 +23,6 @@ MIN_PAUSE_INTERVALS = 10.0  # times the file's median interval between fixes
 MIN_FIXES_PER_RUN = 5  # in the order of time before the clock jumps back, on average; a file with fewer is shuffled. By us.
 MAX_UNREACHABLE_SHARE = 0.2  # of a trace's fixes; where more cannot be reached it is not one vehicle's. Chosen by us.
 MIN_EXTENT_M = 1.0  # of all fixes together
-METRES_PER_DEGREE = 111_195.0  # of latitude, on a sphere of 6371 km
-MAX_ZONE_DEG = 0.5  # a zone given in degrees, some 50 km of latitude, is smaller
-MIN_MOVING_MPS = 0.5  # coordinates are degrees if, as degrees, the median vehicle moves faster than this, below MAX_SPEED_MPS
-DEGREE_COLUMNS = {"lat", "latitude", "lon", "lng", "longitude"}
-PROJECTION_REMEDY = "project them to metres of a local frame first (the UTM zone of the place, for example with pyproj)"
 Dropped = list[pd.DataFrame]  # tables with vehicle_id, n_fixes, reason
 
 
@@ -44,11 +39,9 @@ def usable_fixes(table: pd.DataFrame, *, source: str) -> UsableTraces:
 
     A vehicle that drives by again, or another one under its id, becomes a trace of its own, named id#2. Raises TraceError,
     in one line with the remedy, where columns are missing, where half of the rows or more are no fixes, and where the
-    coordinates are degrees, all in one place, or of vehicles with one fix each.
+    coordinates are all in one place, or of vehicles with one fix each.
     """
-    _refuse_degree_columns(table, source=source)
     numbers, dropped = _finite_rows(table, source=source)
-    _refuse_degrees(numbers, source=source)
     extent = float(np.ptp(numbers[["x_m", "y_m"]].to_numpy(), axis=0).max())
     if extent < MIN_EXTENT_M:
         raise TraceError(f"{source}: all fixes lie within {extent:.2f} m; a map needs vehicles that move, in metres")
@@ -72,17 +65,6 @@ def merge_dropped(parts: Dropped) -> pd.DataFrame:
     """One table (vehicle_id, n_fixes, reason) of what was left out."""
     columns = ["vehicle_id", "n_fixes", "reason"]
     return pd.concat([pd.DataFrame(columns=columns), *parts], ignore_index=True) if parts else pd.DataFrame(columns=columns)
-
-
-def _refuse_degree_columns(table: pd.DataFrame, *, source: str) -> None:
-    """Raise TraceError where x_m or y_m is missing and columns are named latitude and longitude."""
-    if {"x_m", "y_m"} <= set(table.columns):
-        return
-    named = [str(name) for name in table.columns if str(name).lower().split("_")[0] in DEGREE_COLUMNS]
-    if named:
-        raise TraceError(
-            f"{source}: x_m and y_m missing, {', '.join(named)} given; {PROJECTION_REMEDY}, in columns x_m and y_m"
-        )
 
 
 def _finite_rows(table: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, Dropped]:
@@ -110,27 +92,6 @@ def _dropped(vehicle_ids: "pd.Series[str]", reason: str) -> Dropped:
     """A row for each vehicle among the ids of fixes that are left out for one reason."""
     counts = vehicle_ids.value_counts(sort=False)
     return [pd.DataFrame({"vehicle_id": counts.index, "n_fixes": counts.to_numpy(), "reason": reason})] if len(counts) else []
-
-
-def _refuse_degrees(fixes: pd.DataFrame, *, source: str) -> None:
-    """Raise TraceError where x_m, y_m of finite fixes can be degrees and vehicles would stand still if they were metres."""
-    xy = fixes[["x_m", "y_m"]].to_numpy()
-    if not ((np.abs(xy) <= 180).all() and np.ptp(xy, axis=0).max() <= MAX_ZONE_DEG):
-        return
-    order = np.lexsort((fixes["time_s"].to_numpy(), pd.factorize(fixes["vehicle_id"])[0]))
-    same = np.diff(pd.factorize(fixes["vehicle_id"])[0][order]) == 0
-    elapsed = np.diff(fixes["time_s"].to_numpy()[order])
-    moving = same & (elapsed > 0)
-    if not moving.any():
-        return
-    metres_per_degree_east = METRES_PER_DEGREE * np.cos(np.deg2rad(np.median(xy[:, 1])))
-    steps = np.diff(xy[order], axis=0)[moving] * (metres_per_degree_east, METRES_PER_DEGREE)
-    speed = float(np.median(np.hypot(*steps.T) / elapsed[moving]))
-    if MIN_MOVING_MPS < speed < MAX_SPEED_MPS:
-        raise TraceError(
-            f"{source}: x_m {xy[0, 0]:.5f} and y_m {xy[0, 1]:.5f} look like longitude and latitude in degrees, not metres "
-            f"(as degrees, vehicles move at about {speed:.0f} m/s); {PROJECTION_REMEDY}"
-        )
 
 
 def _split_at_clock(numbers: pd.DataFrame) -> pd.DataFrame:

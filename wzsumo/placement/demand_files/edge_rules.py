@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 from wzsumo.errors import PlacementError
 from wzsumo.placement.demand_files.rewriting import RewrittenFile, Rule, split_lane
-from wzsumo.placement.xml_file import Element
+from wzsumo.placement.demand_files.vehicles import number_in
+from wzsumo.placement.xml_file import Element, start_tag
 
 
 def list_pieces(file: RewrittenFile, element: Element, key: str) -> None:
@@ -28,7 +29,12 @@ def rewrite_speed_sign(file: RewrittenFile, element: Element, _: Element | None)
 
 
 def rewrite_rerouter(file: RewrittenFile, element: Element, _: Element | None) -> None:
-    """A rerouter acts where the edge begins."""
+    """A rerouter acts where the edge begins; vehicles that depart further on do not meet it."""
+    if cut := [edge for edge in element.get("edges").split() if edge in file.cuts]:
+        file.rewriting.doubts.append(
+            f"rerouter {element.get('id')!r} acts on the first piece of {', '.join(cut)}: vehicles that depart on the others "
+            "do not meet it"
+        )
     _rewrite_list(file, element, "edges", lambda edge: (file.first_piece(edge),))
 
 
@@ -50,6 +56,23 @@ def repeat_for_pieces(file: RewrittenFile, element: Element, _: Element | None) 
     if edge in file.cuts:
         ids = [f"{piece}_{index}" if index else piece for piece in file.cuts[edge].ids]
         file.repeat(element, "id", ids, f"repeated for {', '.join(ids)}")
+
+
+def share_weight(file: RewrittenFile, element: Element, _: Element | None) -> None:
+    """The weight of an edge, as a file of travel times gives it, is shared among the pieces by their lengths."""
+    cut = file.cuts.get(element.get("id"))
+    if cut is None:
+        return
+    rows = []
+    for number, piece in enumerate(cut.ids):
+        share = (cut.bounds[number + 1] - cut.bounds[number]) / cut.edge.length
+        values = element.attributes | {"id": piece}
+        for key in ("traveltime", "effort"):
+            if (value := number_in(element.get(key))) is not None:
+                values[key] = f"{value * share:.3f}"
+        rows.append(start_tag("edge", values, empty=True))
+    file.edits.replace(element.begin, element.end, "".join(rows))
+    file.note(element, "shared by length", ", ".join(cut.ids))
 
 
 def refuse_calibrator(file: RewrittenFile, element: Element, _: Element | None) -> None:
@@ -94,4 +117,5 @@ EDGE_RULES: dict[str, Rule] = {
     "destProbReroute": _renamed("id", last=True),
     **dict.fromkeys(("closingReroute", "closingLaneReroute", "vaporizer"), repeat_for_pieces),
     "calibrator": refuse_calibrator,
+    "edge": share_weight,
 }

@@ -18,7 +18,9 @@ def rewrite_point(file: RewrittenFile, element: Element, _: Element | None) -> N
 
 
 def rewrite_stretch(file: RewrittenFile, element: Element, _: Element | None) -> None:
-    """A stop lies on one piece. Raises PlacementError where a cut runs through it."""
+    """A stop lies on one piece. Raises PlacementError where a cut runs through it, or on a lane that the zone closes."""
+    name = f"{element.tag} {element.get('id')!r}" if element.get("id") else "a stop of a vehicle"
+    _refuse_in_closed_lane(file, element.get("lane"), name, element.get("lane"))
     cut, index = file.cut_lane(element.get("lane"))
     edge_cut = file.cuts.get(element.get("edge"))
     if cut is None and edge_cut is None:
@@ -30,11 +32,11 @@ def rewrite_stretch(file: RewrittenFile, element: Element, _: Element | None) ->
     start_on_piece = start - cut.bounds[number]
     if start_on_piece < 0:
         at = cut.positions[number - 1]
-        name = f"{element.tag} {element.get('id')!r}" if element.get("id") else "a stop of a vehicle"
         raise PlacementError(
             f"{file.file.path}: {name} lies on edge {cut.edge.id!r} from {start:.1f} to {end:.1f} m, where the zone cuts it at "
             f"{at:.1f} m; move the zone by more than {min(end - at, at - start):.0f} m, or the stop"
         )
+    _refuse_in_closed_lane(file, f"{cut.ids[number]}_{index}", name, element.get("lane"))
     values: Values = {"edge": cut.ids[number]} if edge_cut else {"lane": f"{cut.ids[number]}_{index}"}
     if element.get("startPos") or (start_on_piece > 0 and element.tag != "stop"):
         values["startPos"] = number_text(start_on_piece)
@@ -50,6 +52,13 @@ def rewrite_lane_area(file: RewrittenFile, element: Element, _: Element | None) 
     if cut:
         values["to"] = f"{cut.ids[0]}_{index}"
     file.set(element, values, "lies on the pieces")
+
+
+def _refuse_in_closed_lane(file: RewrittenFile, lane: str, name: str, old_lane: str) -> None:
+    if lane in file.rewriting.closed_lanes:
+        raise PlacementError(
+            f"{file.file.path}: {name} lies on lane {old_lane!r} where the zone closes it; move the stop, or the zone"
+        )
 
 
 def _stretch(element: Element, cut: CutEdge) -> tuple[float, float]:

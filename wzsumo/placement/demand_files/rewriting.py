@@ -20,6 +20,7 @@ class Rewriting:
     cuts: dict[str, CutEdge]  # by the old id
     routes: dict[str, list[str]]  # edges by the id of a route, of all files
     rules: "dict[str, Rule]"  # by the element's tag
+    closed_lanes: frozenset[str] = frozenset()  # ids of pieces' lanes that the zone closes
     changes: list[Change] = field(default_factory=list)
     departures: Counter[str] = field(default_factory=Counter)  # vehicles that depart on a cut edge, by edge
     doubts: list[str] = field(default_factory=list)
