@@ -17,6 +17,7 @@ import traci
 
 from wzsumo.capacity import TRUCK_EQUIVALENT_PC, SiteSpec, ZoneCapacity, zone_capacity
 from wzsumo.metrics.discharge import Discharge, bottleneck_discharge
+from wzsumo.metrics.lock import LOCKED_S
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.road import RoadSpec
 from wzsumo.simulation.connection import sumo_binary
@@ -50,21 +51,29 @@ def hcm(zone_class: str, *, trucks: float) -> ZoneCapacity:
     )
 
 
-def measure(zone_class: str, *, trucks: float, drivers: DriverSpec, seed: int, approach_ft: float) -> dict[str, Any]:
+def measure(
+    zone_class: str,
+    *,
+    trucks: float,
+    drivers: DriverSpec,
+    seed: int,
+    approach_ft: float,
+    ramp: tuple[tuple[float, float], ...] = DEMAND_RAMP,
+) -> dict[str, Any]:
     """One run: passenger cars past the work and speed upstream minute by minute, CPU seconds, and what SUMO counted."""
     target = hcm(zone_class, trucks=trucks)
     demand = DemandSpec(
-        flow_profile=tuple((time, share * target.capacity_all_lanes_vph) for time, share in DEMAND_RAMP),
+        flow_profile=tuple((time, share * target.capacity_all_lanes_vph) for time, share in ramp),
         truck_share=trucks, drivers=drivers, duration_s=LONGEST_MIN * MINUTE_S,
     )  # fmt: skip
     layout = lay_out_class(zone_class, approach_ft=approach_ft)
     began = cpu_seconds()
     with tempfile.TemporaryDirectory() as folder:
         files = write_sumo_files(layout, Path(folder), spec=SimulationSpec(demand=demand), seed=seed)
-        minutes, statistics = run_until_discharge_is_known(files, layout)
+        minutes, locked_min, statistics = run_until_discharge_is_known(files, layout)
     series = {"counts": minutes["count_pc"], "speeds_mps": minutes["upstream_speed_mps"].round(1)}
     return {
-        "cpu_s": round(cpu_seconds() - began, 1), **statistics,
+        "cpu_s": round(cpu_seconds() - began, 1), "locked_min": locked_min, **statistics,
         **{name: " ".join(f"{value:g}" for value in values) for name, values in series.items()},
     }  # fmt: skip
 
@@ -97,8 +106,10 @@ def lay_out_class(zone_class: str, *, approach_ft: float) -> WorkZoneLayout:
     return lay_out(zone, long.model_copy(update={"length_ft": end_ft + BEYOND_FT}).build())
 
 
-def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tuple[pd.DataFrame, dict[str, int]]:
+def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tuple[pd.DataFrame, int | None, dict[str, int]]:
     """Minutes (pc past the work, speed upstream) until 15 of queue discharge are seen, and what SUMO counted.
+
+    A run ends, too, in the minute in which a vehicle has stood for LOCKED_S; the second value is that minute.
 
     SUMO's own binary runs and is asked once a simulated minute: libsumo takes 15 to 20 % longer.
     """
@@ -108,7 +119,7 @@ def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tu
     trucks = {vehicle.get("id") for vehicle in vehicles if "truck" in vehicle.get("type", "")}
     options = ("--additional-files", str(folder / "loops.add.xml"), "--statistic-output", str(folder / "statistics.xml"))
     traci.start([str(sumo_binary("sumo")), "-c", str(files.config), *options, "--no-warnings"])
-    api, rows = traci.inductionloop, []
+    api, rows, locked_min = traci.inductionloop, [], None
     for minute in range(1, LONGEST_MIN + 1):
         traci.simulationStep(minute * MINUTE_S)
         ids = [id_ for loop in names["work"] for id_ in api.getLastIntervalVehicleIDs(loop)]
@@ -117,10 +128,12 @@ def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tu
         speed = sum(n * v for n, v in seen if n) / count if count else np.nan
         rows.append((len(ids) + len(trucks.intersection(ids)) * (TRUCK_EQUIVALENT_PC - 1), speed))
         minutes = pd.DataFrame(rows, columns=["count_pc", "upstream_speed_mps"])
-        if discharge_of(minutes).n_discharge_min >= DISCHARGE_MIN:
+        if any(traci.vehicle.getWaitingTime(name) > LOCKED_S for name in traci.vehicle.getIDList()):
+            locked_min = minute
+        if locked_min or discharge_of(minutes).n_discharge_min >= DISCHARGE_MIN:
             break
     traci.close()
-    return minutes, read_statistics(folder / "statistics.xml")
+    return minutes, locked_min, read_statistics(folder / "statistics.xml")
 
 
 def discharge_of(minutes: pd.DataFrame) -> Discharge:

@@ -13,6 +13,8 @@ import tempfile
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import numpy as np
+
 from wzsumo.metrics.fleet import FleetSummary, summarise_fleet
 from wzsumo.metrics.traffic import measure_traffic
 from wzsumo.scenario.scenario import load_scenario
@@ -22,7 +24,7 @@ from wzsumo.simulation.trips import read_trips, trips_file
 
 LIBRARY = Path(__file__).parents[2] / "scenarios"
 HEADINGS = (
-    "zone", "drivers", "files, CPU s", "vehicles", "in the closed area", "overlapping another", "SUMO's collisions",
+    "zone", "drivers", "files, CPU s", "vehicles", "in the closed area", "overlapping another", "locked", "SUMO's collisions",
     "teleports", "mean delay, s", "merges", "at 10, 50, 90 %, m from the merging taper's start",
 )  # fmt: skip
 
@@ -61,7 +63,9 @@ def row_of(name: str, *, seed: int, times: float) -> list[str]:
     fleet = summarise_fleet(traces, layout)
     return [
         f"`{name}`", simulation.demand.drivers.name, f"{written_s:.1f}", f"{fleet.n_vehicles}", f"{fleet.n_in_closed_area}",
-        f"{summary.n_overlapping}", f"{collisions}", f"{teleports}", f"{summary.mean_delay_s:.1f}", f"{summary.n_merges}",
+        f"{summary.n_overlapping}",
+        "no" if np.isnan(summary.locked_s) else f"{summary.locked_s:.0f} s",
+        f"{collisions}", f"{teleports}", f"{summary.mean_delay_s:.1f}", f"{summary.n_merges}",
         merge_quantiles(fleet),
     ]  # fmt: skip
 

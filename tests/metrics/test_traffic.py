@@ -86,12 +86,34 @@ def test_post_encroachment_time_below_a_second_is_a_conflict_and_above_is_follow
 def test_queue_ahead_of_the_taper_is_as_long_as_its_slow_stretch_and_breaks_the_flow_down() -> None:
     traces, trips = stream(n=700, headway_s=3.0, speed=25.0)
     end = bottleneck_station(LAYOUT)
-    slow = traces["x_m"].between(end - 405, end) & (traces["time_s"] > 960)
+    slow = traces["x_m"].between(end - 405, end) & (traces["time_s"] > 1080)
     traces.loc[slow, "speed_mps"] = 4.0
     found = measure(traces, trips).summary
     assert found.max_queue_length_m == pytest.approx(405, abs=20)  # cells of 20 m
-    assert found.breakdown_s == pytest.approx(960, abs=60)
+    assert found.breakdown_s == pytest.approx(1080, abs=60)
     assert found.peak_flow_vph == 1200
+
+
+def test_flow_of_15_minutes_leaves_out_the_filling_up_of_the_road() -> None:
+    # 1,200 veh/h over 17 minutes: with the first two, in which the road fills up, 15 minutes are fewer.
+    found = measure(*stream(n=340, headway_s=3.0, speed=25.0)).summary
+    assert found.peak_flow_vph == found.throughput_vph == 1200
+    shorter = measure(*stream(n=280, headway_s=3.0, speed=25.0)).summary
+    assert np.isnan(shorter.peak_flow_vph)
+    assert shorter.throughput_vph == 1200
+
+
+def test_flows_count_up_to_a_lock_and_the_summary_tells_where_it_is() -> None:
+    traces, trips = stream(n=340, headway_s=3.0, speed=25.0)
+    assert np.isnan(measure(traces, trips).summary.locked_s)
+    last = traces["vehicle_id"] == traces["vehicle_id"].iloc[-1]
+    stuck = traces[last].assign(vehicle_id="stuck", x_m=traces["x_m"].min() + 90.0, y_m=-50.0, speed_mps=0.0)
+    stuck["time_s"] = 600.0 + np.arange(len(stuck)) * 5.0
+    found = measure(pd.concat([traces, stuck], ignore_index=True), trips).summary
+    assert found.locked_s == 600.0
+    assert found.locked_station_m == pytest.approx(stuck["x_m"].iloc[0])
+    assert np.isnan(found.peak_flow_vph)  # 8 minutes from the warm-up to the lock
+    assert found.throughput_vph == 1200
 
 
 def test_merge_position_is_the_last_fix_in_the_closing_lane() -> None:

@@ -38,6 +38,17 @@ def test_space_time_diagram_shows_every_cell_at_its_time_and_station(tmp_path: P
     assert mesh.get_clim() == pytest.approx((0.0, 25.0))
 
 
+@pytest.mark.parametrize("traffic", [{"locked_s": 30.0, "locked_station_m": 350.0}, {"locked_s": None}, {}])
+def test_space_time_diagram_marks_where_the_traffic_locked_if_it_did(tmp_path: Path, traffic: dict[str, float | None]) -> None:
+    cells = pd.DataFrame({"time_s": [0.0, 10.0] * 2, "station_m": [0.0, 0.0, 20.0, 20.0], "speed_mps": 5.0})
+    figure = draw_space_time(ResultFolder(folder=tmp_path, result={"traffic": traffic}, layout=LAYOUT), cells)
+    marks = [line.get_xydata() for line in figure.axes[0].lines if line.get_marker() == "x"]
+    if traffic.get("locked_s") is None:
+        assert marks == []
+    else:
+        np.testing.assert_array_equal(marks, [[[30.0, 350.0]]])
+
+
 def test_page_of_measures_names_every_figure_and_column_of_a_run() -> None:
     page = (Path(__file__).parents[2] / "docs" / "method" / "metrics.md").read_text(encoding="utf-8")
     figures = [field.name for field in fields(TrafficSummary)]

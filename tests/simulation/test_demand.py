@@ -90,6 +90,12 @@ def test_lane_use_is_followed_and_trucks_keep_out_of_the_left_lane(tmp_path: Pat
     assert set(trucks) == {0, 1}
 
 
+def test_cars_take_the_lane_with_most_room_and_trucks_keep_out_of_the_left_lane_of_three(tmp_path: Path) -> None:
+    all_ = vehicles(demand(tmp_path, truck_share=0.3))
+    assert {v["departLane"] for v in all_ if v["type"].startswith("car")} == {"free"}
+    assert {v["departLane"] for v in all_ if v["type"].startswith("truck")} == {"0", "1"}
+
+
 def test_every_vehicle_has_a_type_and_drives_the_whole_road(tmp_path: Path) -> None:
     path = demand(tmp_path)
     assert {v["type"] for v in vehicles(path)} <= {t["id"] for t in elements(path, "vType")}
@@ -102,6 +108,12 @@ def test_drivers_begin_to_merge_within_the_given_distances(tmp_path: Path) -> No
     ahead = [float(t["lcStrategic"]) * SPEED * 10 for t in types]
     assert 149 < min(ahead) < 200
     assert 350 < max(ahead) < 401
+
+
+def test_vehicle_that_hardly_moves_hardly_moves_aside(tmp_path: Path) -> None:
+    # SUMO docs, lane changing: lateral speed is at most lcMaxSpeedLatStanding + lcMaxSpeedLatFactor x speed.
+    types = elements(demand(tmp_path), "vType")
+    assert {(t["lcMaxSpeedLatStanding"], t["lcMaxSpeedLatFactor"]) for t in types} == {("0.2", "0.2")}
 
 
 def test_every_driver_knows_the_whole_road_ahead(tmp_path: Path) -> None:
@@ -138,22 +150,19 @@ def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower:
     assert slow.truck_tau_s > fast.truck_tau_s
 
 
-@pytest.mark.parametrize(("discharge", "total", "still_open"), [(1412.0, 3, 1), (1591.0, 2, 1), (1978.0, 3, 2)])
-def test_time_gap_moves_one_to_one_with_the_headway_and_a_trucks_with_that_of_two_cars(
-    discharge: float, total: int, still_open: int
-) -> None:
-    drivers, slower = (hcm_drivers(flow, total_lanes=total, open_lanes=still_open) for flow in (discharge, discharge - 100))
+@pytest.mark.parametrize("discharge", [1412.0, 1591.0, 1978.0])
+def test_time_gap_moves_one_to_one_with_the_headway_and_a_trucks_with_that_of_two_cars(discharge: float) -> None:
+    drivers, slower = hcm_drivers(discharge), hcm_drivers(discharge - 100)
     longer_s = 3600 / (discharge - 100) - 3600 / discharge
     assert slower.tau_s - drivers.tau_s == pytest.approx(longer_s, abs=2e-3)
     assert slower.truck_tau_s - drivers.truck_tau_s == pytest.approx(2 * longer_s, abs=2e-3)  # HCM 7, E_T = 2 on level terrain
 
 
-@pytest.mark.parametrize(("total", "open_lanes", "accel_mps2"), [(2, 1, 0.9), (3, 1, 0.65), (3, 2, 0.5)])
-def test_drivers_where_three_lanes_close_accelerate_slower_as_was_fitted(
-    total: int, open_lanes: int, accel_mps2: float
-) -> None:
-    drivers = hcm_drivers(1600.0, total_lanes=total, open_lanes=open_lanes)
-    assert drivers.accel_mps2 == accel_mps2  # docs/results/traffic_calibration.md, "The rule": the capacity drop comes of it
+def test_fitted_drivers_accelerate_and_stand_as_was_measured_on_roads() -> None:
+    drivers = hcm_drivers(1600.0)
+    assert (drivers.accel_mps2, drivers.truck_accel_mps2) == (1.0, 0.6)
+    # HCM 7, jam density of 190 passenger cars a mile and lane: 1609.344 / 190 = 8.5 m, of which a car takes 4.8 m.
+    assert drivers.min_gap_m == pytest.approx(1609.344 / 190 - 4.8, abs=0.05)
 
 
 def test_demand_whose_drivers_only_the_zone_decides_is_not_written_without_one(tmp_path: Path) -> None:
@@ -237,20 +246,15 @@ def test_demand_that_leaves_all_out_is_that_of_the_documentation() -> None:
 def test_drivers_that_leave_all_out_are_sumos_but_for_the_loaded_truck() -> None:
     left_out = DRIVER_PRESETS["uncalibrated"].model_dump(exclude={"name"})
     assert left_out == {
-        "tau_s": 1.0, "accel_mps2": 2.6, "truck_tau_s": 1.0, "truck_accel_mps2": 1.0, "sigma": 0.5, "lc_assertive": 1.0,
-        "lc_lookahead_left": 2.0, "calibrated_step_length_s": None, "calibrated_lateral_resolution_m": None,
+        "tau_s": 1.0, "accel_mps2": 2.6, "truck_tau_s": 1.0, "truck_accel_mps2": 1.0, "min_gap_m": 2.5, "sigma": 0.5,
+        "lc_assertive": 1.0, "lc_lookahead_left": 2.0, "calibrated_step_length_s": None,
+        "calibrated_lateral_resolution_m": None,
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("total", "open_lanes", "car_extra_s", "truck_accel_mps2"), [(2, 1, 0.88, 0.7), (3, 1, 1.03, 0.7), (3, 2, 1.14, 0.5)]
-)
-def test_fitted_time_gaps_are_the_queues_headway_less_what_was_fitted(
-    total: int, open_lanes: int, car_extra_s: float, truck_accel_mps2: float
-) -> None:
-    drivers = hcm_drivers(1500.0, total_lanes=total, open_lanes=open_lanes)  # a headway of 2.4 s
-    assert drivers.tau_s == pytest.approx(2.4 - car_extra_s)
-    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - 1.22)
-    assert drivers.truck_accel_mps2 == truck_accel_mps2
+def test_fitted_time_gaps_are_the_queues_headway_less_what_was_fitted() -> None:
+    drivers = hcm_drivers(1500.0)  # a headway of 2.4 s
+    assert drivers.tau_s == pytest.approx(2.4 - 0.86)
+    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - 0.86 - 7.2 / 15)
     assert (drivers.lc_assertive, drivers.lc_lookahead_left) == (1.3, 1.0)
     assert (drivers.calibrated_step_length_s, drivers.calibrated_lateral_resolution_m) == (0.1, 0.45)

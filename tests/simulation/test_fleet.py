@@ -5,9 +5,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
-from builders import paper_layout, vehicle_outlines
+from builders import paper_layout, paper_road, paper_work_zone, vehicle_outlines
 
 from wzsumo.errors import SimulationError
+from wzsumo.mutcd.layout import lay_out
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, SumoFiles, write_sumo_files
 from wzsumo.simulation.fleet import run_to_end, simulate_fleet
@@ -94,6 +95,19 @@ def test_same_seed_gives_the_same_traces_and_another_seed_others(tmp_path: Path)
     first, again, other = (simulate(tmp_path, duration_s=30, seed=seed) for seed in (5, 5, 6))
     pd.testing.assert_frame_equal(first, again)
     assert not first.equals(other)
+
+
+def test_demand_above_capacity_enters_on_all_lanes_and_trucks_at_their_share(tmp_path: Path) -> None:
+    # 3,000 veh/h on two lanes of which one closes: a queue stands to the road's start. With a fixed lane for every vehicle two
+    # thirds entered on the closing lane.
+    zone = lay_out(paper_work_zone(closed_lanes=(1,), shift_ft=0, shifted_lane_width_ft=None), paper_road(lane_count=2))
+    spec = SimulationSpec(demand=DemandSpec(flow_vph=3000, truck_share=0.2, duration_s=300))
+    files = write_sumo_files(zone, tmp_path, spec=spec, seed=3)
+    first = simulate_fleet(files, on_second=lambda _: None).groupby("vehicle_id").first()
+    queued = first[first["time_s"] > 120]
+    assert len(queued) > 40
+    assert 0.35 < (queued["y_m"] > 12 * 0.3048).mean() < 0.65
+    assert 0.1 < (first["length_m"] > 10).mean() < 0.3
 
 
 @pytest.fixture(scope="module")

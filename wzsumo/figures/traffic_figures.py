@@ -4,12 +4,15 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from wzsumo.figures.zone_axes import BLACK, new_figure, plain
+from wzsumo.figures.zone_axes import BLACK, VERMILION, new_figure, plain
 from wzsumo.files.result_folder import ResultFolder
 
 
 def draw_space_time(run: ResultFolder, cells: pd.DataFrame) -> Figure:
-    """Space-mean speed of `cells` over time and station, all lanes together, with the names of the zone's areas."""
+    """Space-mean speed of `cells` over time and station, all lanes together, with the names of the zone's areas.
+
+    A cross marks where the traffic locked.
+    """
     figure, (axes,) = new_figure(1, row_height=4.2, head=0.3)
     speed = cells.pivot_table(index="station_m", columns="time_s", values="speed_mps", dropna=False)
     times, stations = _edges(speed.columns.to_numpy(dtype=float)), _edges(speed.index.to_numpy(dtype=float))
@@ -30,6 +33,13 @@ def draw_space_time(run: ResultFolder, cells: pd.DataFrame) -> Figure:
             annotation_clip=False,
         )
     axes.axhline(run.span[1], color=BLACK, linewidth=0.6, linestyle=":")
+    traffic = run.result.get("traffic") or {}
+    if traffic.get("locked_s") is not None:
+        axes.plot(traffic["locked_s"], traffic["locked_station_m"], "x", color=VERMILION, markersize=10, markeredgewidth=2.5)
+        axes.annotate(
+            "locked", (traffic["locked_s"], traffic["locked_station_m"]), xytext=(8, -4), textcoords="offset points",
+            color=VERMILION, weight="bold",
+        )  # fmt: skip
     axes.set(xlabel="time [s]", ylabel="station [m], traffic moves up", xlim=times[[0, -1]], ylim=stations[[0, -1]])
     return figure
 

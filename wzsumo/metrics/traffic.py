@@ -14,6 +14,7 @@ from wzsumo.frames import FloatArray
 from wzsumo.metrics.discharge import QUEUED_SPEED_SHARE, bottleneck_discharge
 from wzsumo.metrics.fleet import merge_positions
 from wzsumo.metrics.fleet_conflicts import fleet_conflicts
+from wzsumo.metrics.lock import Lock, find_lock
 from wzsumo.metrics.space_time import SpaceTime, queue_lengths, space_time_grid
 from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
@@ -64,10 +65,13 @@ class TrafficSummary:
     n_vehicles: int  # due to enter the road within the run
     n_arrived: int  # at the road's end
     n_waiting: int  # that still wait to enter at the end of the run
-    throughput_vph: float  # flow past the middle of the activity area, after the warm-up
+    locked_s: float  # time from which a vehicle stood and never drove on; NaN: the traffic did not lock
+    locked_station_m: float  # where that vehicle stood
+    # Flows are past the middle of the activity area, from the end of the warm-up to a lock or the end of the run.
+    throughput_vph: float
     breakdown_s: float  # time at which a queue began to stand; NaN: none did
-    peak_flow_vph: float  # highest 15-minute flow past the activity area, up to the breakdown if there was one
-    queue_discharge_vph: float  # mean flow past the activity area while the queue stands
+    peak_flow_vph: float  # highest of 15 minutes, up to the breakdown if there was one; NaN where there are fewer minutes
+    queue_discharge_vph: float  # mean while the queue stands
     max_queue_length_m: float  # from the end of the last merging taper back to the queue's tail
     mean_queue_length_m: float  # over time, after the warm-up
     mean_travel_time_s: float
@@ -110,8 +114,11 @@ def measure_traffic(
     vehicles = _vehicles(table, trips, layout, dt=dt)
     minutes = _minutes(table, grid, queues, layout, n=int((table["time_s"].max() + dt + 1e-6) // MINUTE_S))
     stations = _stations(table[table["time_s"] >= warm_up_s], grid, warm_up_s=warm_up_s)
-    flows = bottleneck_discharge(minutes["count"], minutes["upstream_speed_mps"], free_speed=posted)
-    warm_minutes = minutes[minutes["time_s"] >= warm_up_s]
+    lock = find_lock(table, station, layout) or Lock(began_s=float("nan"), station_m=float("nan"))
+    is_counted = (minutes["time_s"] >= warm_up_s) & ~(minutes["time_s"] + MINUTE_S > lock.began_s)
+    counted = minutes[is_counted]
+    flows = bottleneck_discharge(counted["count"], counted["upstream_speed_mps"], free_speed=posted)
+    first_counted_s = float(counted["time_s"].min())
     in_zone = stations["station_m"].between(layout.start - TAPER_APPROACH_M, layout.end)
     after_warm_up = grid.time_edges[:-1] >= warm_up_s
     driven_km = trips["distance_m"].sum() / 1000
@@ -120,8 +127,10 @@ def measure_traffic(
         n_vehicles=len(trips),
         n_arrived=int(trips["arrived"].sum()),
         n_waiting=int((~trips["entered"]).sum()),
-        throughput_vph=float(warm_minutes["count"].mean() * HOUR_S / MINUTE_S),
-        breakdown_s=flows.breakdown_min * MINUTE_S,
+        locked_s=lock.began_s,
+        locked_station_m=lock.station_m,
+        throughput_vph=float(counted["count"].mean() * HOUR_S / MINUTE_S),
+        breakdown_s=first_counted_s + flows.breakdown_min * MINUTE_S,
         peak_flow_vph=flows.peak_flow_per_h,
         queue_discharge_vph=flows.queue_discharge_per_h,
         max_queue_length_m=float(queues.max(initial=0.0)),

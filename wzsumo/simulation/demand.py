@@ -35,7 +35,7 @@ class DemandSpec(Spec):
     lateral_sd_m: float = Field(0.2, ge=0, le=1)  # between drivers, of the place in the lane that each aims at
     lateral_wander: float = Field(0.08, ge=0)  # SUMO's lcSigma: how far a driver strays from that place
     # From how far ahead of the closing lane's end drivers look for a gap, uniformly between these two. At 4.5 m/s2 a car stops
-    # from 27 m/s within some 80 m, so the nearest leaves room to stop.
+    # from 27 m/s within some 80 m, so the nearest leaves room to stop; the farthest is within the road of most zones.
     merge_ahead_m: tuple[float, float] = (100.0, 500.0)
     # "hcm": fitted to the HCM's queue discharge of the scenario's zone; the name of a preset; or a table of DriverSpec's keys.
     drivers: DriverSpec = UNCALIBRATED
@@ -78,6 +78,9 @@ CAR_DECEL_MPS2, TRUCK_DECEL_MPS2 = 4.5, 4.0
 # stay there while it is faster, whatever lies ahead. With these they do not prefer to straddle a line, and return from it at
 # ten times the loss of speed that they would accept by default. Elsewhere drivers keep the defaults, as they were fitted.
 LANE_KEEPING = {"lcLaneDiscipline": "1", "lcSublane": "10"}
+# A vehicle moves aside at no more than this [m/s] plus this share of its speed, some 0.2 rad off its lane. By itself SUMO lets
+# one that stands slide at 1 m/s, and draws it turned by up to 0.8 rad, across the lane beside.
+STANDING_LATERAL_MPS, LATERAL_SHARE = 0.2, 0.2
 # Left to itself SUMO looks for the end of a lane over at most 8 edges, or 4 edges and 3 km: every driver knows the whole road.
 LOOK_AHEAD_M = 20000.0
 LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right (LC2013, SL2015)
@@ -117,20 +120,24 @@ def write_demand(
 def _vehicles(
     edges: tuple[Edge, ...], route: str, *, flows: tuple[tuple[float, float], ...], spec: DemandSpec, rng: np.random.Generator
 ) -> list[ET.Element]:
-    """Every vehicle that departs along a route; `flows` are as in DemandSpec.flow_profile."""
+    """Every vehicle that departs along a route; `flows` are as in DemandSpec.flow_profile.
+
+    With `lane_use` each has its lane. Without, SUMO puts a car onto the lane that has most room when it departs, as a driver
+    farther upstream would have chosen it: with fixed lanes all of a closing lane's demand enters while that of the lane beside
+    waits. Trucks keep out of the left lane of three or more, the usual US rule.
+    """
     n_lanes, vehicles = len(edges[0].lanes), []
-    shares = np.array((route == "through" and spec.lane_use) or (1 / n_lanes,) * n_lanes)
+    use = spec.lane_use if route == "through" else ()
     for number, time in enumerate(_departures(flows, spec.duration_s, rng)):
         is_truck = bool(rng.random() < spec.truck_share)
-        lane, driver = int(rng.choice(n_lanes, p=shares)), int(rng.integers(DRIVERS_PER_CLASS))
-        if is_truck and n_lanes > 2:
-            lane = min(lane, n_lanes - 2)  # trucks keep out of the left lane of three or more, the usual US rule
+        lane, driver = int(rng.choice(n_lanes, p=use or None)), int(rng.integers(DRIVERS_PER_CLASS))
+        truck_lane = min(lane, n_lanes - 2) if n_lanes > 2 else lane
         attributes = {
             "id": f"{'v' if route == 'through' else 'o'}{number:05d}",
             "type": f"{'truck' if is_truck else 'car'}_{driver:02d}",
             "route": route,
             "depart": f"{time:.2f}",
-            "departLane": str(lane),
+            "departLane": str(truck_lane if is_truck else lane) if use or (is_truck and n_lanes > 2) else "free",
             "departPos": "base",
             "departSpeed": "desired",
         }
@@ -169,11 +176,14 @@ def _driver(
     truck, drivers = kind == "truck", spec.drivers
     decel = TRUCK_DECEL_MPS2 if truck else CAR_DECEL_MPS2
     return driver | {
+        "lcMaxSpeedLatStanding": f"{STANDING_LATERAL_MPS:g}",
+        "lcMaxSpeedLatFactor": f"{LATERAL_SHARE:g}",
         "lcStrategicLookahead": f"{LOOK_AHEAD_M:g}",
         "tau": f"{drivers.truck_tau_s if truck else drivers.tau_s:g}",
         "accel": f"{drivers.truck_accel_mps2 if truck else drivers.accel_mps2:g}",
         "decel": f"{decel:g}",
         "emergencyDecel": f"{decel:g}",
+        "minGap": f"{drivers.min_gap_m:g}",
         "sigma": f"{drivers.sigma:g}",
         "lcAssertive": f"{drivers.lc_assertive:g}",
         "lcLookaheadLeft": f"{drivers.lc_lookahead_left:g}",

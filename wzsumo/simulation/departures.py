@@ -7,10 +7,9 @@ from wzsumo.frames import FloatArray
 from wzsumo.simulation.demand import CAR, TRUCK, DemandSpec
 from wzsumo.units import mph_from_mps
 
-MIN_GAP_M = 2.5  # between the bumpers of two vehicles that stand; SUMO's default
 # Share of the flow at the drivers' own headway that SUMO inserts: it inserts a vehicle at its desired speed, behind a slower
-# one too. Measured with unlimited demand over 120 s on three lanes at 60 mph: 0.78 (tau 1 s), 0.82 (tau 1.6 s).
-INSERTED_SHARE = 0.8
+# one too. Measured with unlimited demand over 120 s on three lanes at 60 mph: 0.70 (tau 1 s), 0.77 (tau 1.6 s).
+INSERTED_SHARE = 0.75
 
 
 def check_departures(spec: DemandSpec, *, n_lanes: int, n_opposing: int, speed: float) -> None:
@@ -34,8 +33,8 @@ def check_departures(spec: DemandSpec, *, n_lanes: int, n_opposing: int, speed: 
 def lane_departure_vph(spec: DemandSpec, *, speed: float) -> float:
     """Vehicles an hour [veh/h] that can depart on one lane at `speed` [m/s]."""
     drivers, p = spec.drivers, spec.truck_share
-    car = drivers.tau_s + (CAR["length_m"] + MIN_GAP_M) / speed
-    truck = drivers.truck_tau_s + (TRUCK["length_m"] + MIN_GAP_M) / speed
+    car = drivers.tau_s + (CAR["length_m"] + drivers.min_gap_m) / speed
+    truck = drivers.truck_tau_s + (TRUCK["length_m"] + drivers.min_gap_m) / speed
     return INSERTED_SHARE * 3600 / ((1 - p) * car + p * truck)
 
 

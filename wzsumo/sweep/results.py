@@ -107,7 +107,10 @@ MEASURED_COLUMNS = {
     "slam_n_links": _count("LiDAR drive: gaps between devices that the map closes"),
     "fleet_n_passed": _count("vehicles that passed the zone from end to end"),
     "fleet_mean_speed_activity_mps": _number("m/s", "mean speed of the fleet in the activity area"),
-    "fleet_throughput_vph": _number("veh/h", "flow past the middle of the activity area, after the warm-up"),
+    "fleet_locked_s": _number(
+        "s", "time from which a vehicle of the fleet stood and never drove on; empty: the traffic did not lock"
+    ),
+    "fleet_throughput_vph": _number("veh/h", "flow past the middle of the activity area, after the warm-up and up to a lock"),
     "fleet_mean_delay_s": _number("s", "mean delay of the vehicles that arrived, departure delay included"),
     "fleet_max_queue_length_m": _number("m", "longest queue"),
     "fleet_n_hard_braking": _count("vehicles that braked hard"),

@@ -36,7 +36,8 @@ from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.sweep.evaluation.study_case import StudyCase
 
 FLEET_FIGURES = (
-    "n_passed", "mean_speed_activity_mps", "throughput_vph", "mean_delay_s", "max_queue_length_m", "n_hard_braking",
+    "n_passed", "mean_speed_activity_mps", "locked_s", "throughput_vph", "mean_delay_s", "max_queue_length_m",
+    "n_hard_braking",
 )  # fmt: skip
 _FLEET = b"fleet"  # key of the fleet's summary in the metadata of the Parquet file
 _ONE_SIMULATION = threading.Lock()  # libsumo allows one per process, and a Dask worker may run several threads
