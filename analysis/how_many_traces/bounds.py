@@ -19,8 +19,7 @@ from scores import SumoZone, Truth, truth_of_generated
 from study import AIMED_CASES, USUAL_INTERVAL_S, ZONES_OF_THE_STUDY, first_equipped
 from zones import ZONES, true_traces
 
-from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
-from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
+from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 from wzsumo.frames import BoolArray
 from wzsumo.grid import FREE_THRESHOLD
 from wzsumo.sensing.gnss import GnssSpec, report
@@ -89,14 +88,14 @@ def _generated() -> list[tuple[str, str, Figures]]:
 
 def bounds(truth: Truth, traces: pd.DataFrame, *, closed_left: bool) -> dict[str, object]:
     """IoU of the map as it is and with parts put right, and whether its traces show a lane that closes."""
-    model = fit_lane_structure(traces, spec=LaneStructureSpec())
-    free, drivable = truth.p_occupied(model) < FREE_THRESHOLD, truth.drivable
+    lanes = map_lanes(traces).lanes
+    free, drivable = truth.p_occupied(lanes) < FREE_THRESHOLD, truth.drivable
     narrowest = np.quantile(truth.left - truth.right, 0.05)
     inwards = truth.d - truth.right[:, None] if closed_left else truth.left[:, None] - truth.d
     tapers = inwards > narrowest + NEAR_EDGE_M
     edges = np.minimum(np.abs(inwards), np.abs(inwards - narrowest)) < NEAR_EDGE_M
     return {
-        "shown": bool(model.ends.closing),
+        "shown": any(lanes.closed_intervals(lane) for lane in range(len(lanes.lanes))),
         "iou": _iou(free, drivable),
         "iou_true_tapers": _iou(np.where(tapers, drivable, free), drivable),
         "iou_true_edges": _iou(np.where(edges, drivable, free), drivable),

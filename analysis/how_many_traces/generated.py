@@ -17,8 +17,7 @@ from generator import GENERATED, generated_traces
 from scores import truth_of_generated
 from study import AIMED_CASES, table_of
 
-from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
-from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
+from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 
 OTHER_CASES = ((3, 0.0), (5, 1.0), (10, 1.0), (10, 2.0), (30, 2.0))
 INTERVAL_S = 1.0
@@ -41,7 +40,7 @@ def main() -> None:
         for n, error_m in cases:
             if (name, seed, n, error_m) not in known:
                 traces = generated_traces(GENERATED[name], n, error_m=error_m, interval_s=INTERVAL_S, seed=seed)
-                figures = truth.row(fit_lane_structure(traces, spec=LaneStructureSpec()))
+                figures = truth.row(map_lanes(traces).lanes)
                 row = (
                     dict(zip(KEYS, (name, seed, n, error_m), strict=True))
                     | {"interval_s": INTERVAL_S, "map": "alone"}

@@ -9,13 +9,13 @@ from generator import GeneratedZone
 from zones import ZONES
 
 from wzsumo.case.plans import nominal_guide
-from wzsumo.crowd_mapping.map_before import MapBefore
-from wzsumo.crowd_mapping.lane_model import LaneStructure
-from wzsumo.crowd_mapping.occupancy import occupancy_grid, p_occupied
+from wzsumo.crowd_mapping.lanes.raster import occupancy_grid, p_occupied
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import FREE_THRESHOLD, UNKNOWN
+from wzsumo.lane_map import LaneMap
 from wzsumo.metrics.clearance import clearance_along
 from wzsumo.planning.plan import plan_path
+from wzsumo.scenario.road_before import map_before_of
 from wzsumo.scenario.site import prepare_site
 
 CELL_M = (2.0, 0.1)  # along and across the road; fine across, for the edges
@@ -44,9 +44,9 @@ class Truth:
         """Which cells (n, m) are drivable."""
         return (self.d > self.right[:, None]) & (self.d < self.left[:, None])
 
-    def row(self, model: LaneStructure) -> dict[str, object]:
-        """The figures of a model's map; `reliability` holds cells, sum of p and occupied cells by bin of p, as JSON."""
-        p = self.p_occupied(model)
+    def row(self, lanes: LaneMap) -> dict[str, object]:
+        """The figures of a lane map; `reliability` holds cells, sum of p and occupied cells by bin of p, as JSON."""
+        p = self.p_occupied(lanes)
         free, known = p < FREE_THRESHOLD, p != UNKNOWN
         drivable = self.drivable
         intersection, union = int((free & drivable).sum()), int((free | drivable).sum())
@@ -66,14 +66,9 @@ class Truth:
             "reliability": json.dumps([np.round(part, 2).tolist() for part in sums]),
         }
 
-    def p_occupied(self, model: LaneStructure) -> FloatArray:
-        """p(occupied) (n, m) that a model gives to the cells."""
-        s, d = model.axis.to_sd(self.points)
-        low, high = model.table.stations[[0, -1]]
-        inside = (s >= low) & (s <= high)
-        p = np.full(len(s), UNKNOWN)
-        p[inside] = np.clip(p_occupied(model, s[inside], d[inside]), 0, 1)
-        return p.reshape(len(self.s), len(self.d))
+    def p_occupied(self, lanes: LaneMap) -> FloatArray:
+        """p(occupied) (n, m) that a lane map gives to the cells."""
+        return p_occupied(lanes, *lanes.axis.to_sd(self.points)).reshape(len(self.s), len(self.d))
 
     def _edge_error(self, p: FloatArray) -> float:
         """Median distance [m] of the map's edges, the outermost cells with p below UNKNOWN, from the true edges."""
@@ -95,7 +90,7 @@ class SumoZone:
         s, d = _cells(layout.start, layout.end, right=-road.right_shoulder, left=road.left_edge)
         points = road.to_xy(*(side.ravel() for side in np.meshgrid(s, d, indexing="ij")))
         self.truth = Truth(s=s, d=d, right=layout.drivable_right(s), left=layout.drivable_left(s), points=points)
-        self.before = MapBefore(road=road, start=layout.start, end=layout.end)
+        self.before = map_before_of(layout)
 
     def never_driven(self, traces: pd.DataFrame) -> bool:
         """Whether there is a lane that stays open and that none of the traces drove in beside the work."""
@@ -105,12 +100,12 @@ class SumoZone:
         through = [lane for lane in self.layout.lanes if lane.start <= 0 and lane.end >= road.length - 1e-6]
         return any(not ((d > lane.right(s)) & (d < lane.left(s)) & beside_work).any() for lane in through)
 
-    def planned(self, model: LaneStructure) -> dict[str, object]:
-        """Status and true clearances of a path planned on a model's map, which is joined to the nominal lanes outside."""
+    def planned(self, lanes: LaneMap) -> dict[str, object]:
+        """Status and true clearances of a path planned on a lane map, which is joined to the nominal lanes outside."""
         scenario = self.scenario
         fine = scenario.model_copy(update={"map": scenario.map.model_copy(update={"resolution_m": PLAN_CELL_M})})
         site = prepare_site(fine)
-        learned = occupancy_grid(model, site.cells)
+        learned = occupancy_grid(lanes, site.cells)
         grid = learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
         plan = plan_path(
             grid, start=site.start, goal=site.goal, vehicle=fine.vehicle, spec=fine.planner, guide=nominal_guide(site)

@@ -21,8 +21,7 @@ from scipy.stats import bootstrap, gamma
 from scores import SumoZone, calibration_errors
 from zones import ZONES, true_traces
 
-from wzsumo.crowd_mapping.lane_fit import fit_lane_structure
-from wzsumo.crowd_mapping.lane_model import LaneStructureSpec
+from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 from wzsumo.sensing.equipped import choose_equipped
 from wzsumo.sensing.gnss import GnssSpec, report
 
@@ -101,10 +100,9 @@ def _row(
     """The figures of the `lanes` map of the first n equipped vehicles."""
     true = first_equipped(fleet, n, seed=seed)
     reported = report(true, spec=GnssSpec(error_m=error_m, sampling_interval_s=interval_s), seed=seed)
-    before = scored.before if which == "joined" else None
-    model = fit_lane_structure(reported, spec=LaneStructureSpec(), before=before)
+    lanes = map_lanes(reported, before=scored.before if which == "joined" else None).lanes
     plan = planned and which == "joined" and interval_s == USUAL_INTERVAL_S and (n, error_m) in PLANNED_CASES
-    return scored.truth.row(model) | {"never_driven": scored.never_driven(true)} | (scored.planned(model) if plan else {})
+    return scored.truth.row(lanes) | {"never_driven": scored.never_driven(true)} | (scored.planned(lanes) if plan else {})
 
 
 def first_equipped(fleet: pd.DataFrame, n: int, *, seed: int) -> pd.DataFrame:
