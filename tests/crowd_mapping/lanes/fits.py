@@ -21,7 +21,8 @@ def seen(
     n, m = offset.shape
     stations = spacing * np.arange(m)
     return Observations(
-        axis=axis_of(np.array([[0.0, 0.0], [stations[-1] + 1.0, 0.0]])), stations=stations, offset=np.asarray(offset, dtype=float),
+        axis=axis_of(np.array([[0.0, 0.0], [stations[-1] + 1.0, 0.0]])), stations=stations,
+        offset=np.asarray(offset, dtype=float),
         eta=np.broadcast_to(np.asarray(eta, dtype=float), (n, m)).copy(), variance=np.full((n, m), variance),
         speed=np.full(n, 20.0), slowness=np.broadcast_to(np.asarray(slowness, dtype=float), (n, m)).copy(),
         ids=tuple(f"v{i}" for i in range(n)),
@@ -45,7 +46,8 @@ def fit_of(
     middle = in_lane @ np.arange(n_lanes, dtype=float)
     return LaneFit(
         setting=LaneSetting(n_lanes=n_lanes, base=0.0, prior=prior), course=course, in_lane=in_lane,
-        position=np.stack([middle, middle**2], axis=-1), burst=np.zeros((n, m)) if burst is None else burst, class_share=classes,
+        position=np.stack([middle, middle**2], axis=-1), burst=np.zeros((n, m)) if burst is None else burst,
+        class_share=classes,
         receivers=Receivers(sigma=np.r_[sigmas, 8.0], rho=np.full((n, len(sigmas) + 1), 0.9)), log_likelihood=np.zeros(n),
         log_posterior=0.0,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 """Small inputs with a right answer that is known from outside: each has misled a lane map.
 
-`cases/` holds traces, the road before where it is known, and the drivable ground where it is not plain. Those named ngsim are of
-real vehicles (NGSIM I-80, 2005, US DOT public data), the others are generated.
+`cases/` holds traces, the road before where it is known, and the drivable ground where it is not plain. Those named ngsim are
+of real vehicles (NGSIM I-80, 2005, US DOT public data), the others are generated.
 """
 
 import functools

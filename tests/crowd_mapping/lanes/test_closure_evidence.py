@@ -1,5 +1,7 @@
 """Evidence for a closed lane, on lanes driven that are set by hand: closed forms and orders."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -45,7 +47,7 @@ def test_lane_that_everybody_leaves_is_closed_from_where_the_last_one_left() -> 
 def test_each_vehicle_that_stays_speaks_against_a_closure_by_the_odds_of_one_in_twenty() -> None:
     """log(1/20) = -3.0 each, and the change of lanes that it did not make."""
     log_lr = [evidence(leavers(10, stay=stay))[FIRST, LAST] for stay in range(4)]
-    assert all(b < a - 3.0 for a, b in zip(log_lr, log_lr[1:], strict=False))
+    assert all(b < a - 3.0 for a, b in pairwise(log_lr))
 
 
 def test_two_that_drive_through_open_the_lane_and_one_leaves_it_unsure() -> None:

@@ -20,7 +20,7 @@ def strips(*, outer_left: bool, p_closed: float = 1.0) -> FloatArray:
 
 
 def test_taper_closes_the_strips_from_the_outer_line_to_the_inner_one() -> None:
-    """At e 1.13 m of a 12 ft lane are left, .31 of its width, however long the taper is: strip f closes (.69 - 1 + f) L ahead."""
+    """At e 1.13 m of a 12 ft lane are left, .31 of its width: strip f closes (f - .31) L ahead of it."""
     p = strips(outer_left=True)
     across = (np.arange(STRIPS) + 0.5) / STRIPS
     for strip, f in enumerate(across):

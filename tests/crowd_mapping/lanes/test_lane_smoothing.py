@@ -82,7 +82,7 @@ def start_of(chain: LaneChain) -> FloatArray:
 def test_shares_of_lanes_and_likelihood_are_those_of_the_exact_twin(
     change_at: int | None, sigma: float, at_most: float
 ) -> None:
-    """Within .04 on average, `at_most` at any station, and .3 nats of some 16: each state carries one normal distribution of u."""
+    """Within .04 on average, `at_most` at any station, and .3 nats of some 16: a state has one normal distribution of u."""
     chain, rho = lane_chain(2, spacing=20.0), 0.9
     start = start_of(chain)
     for seed in range(3):
@@ -135,8 +135,8 @@ def test_classes_of_receivers_have_the_shares_of_bayes_rule() -> None:
     ]
     log_joint = np.log(prior) + twin
     smoothed = smooth_traces(
-        observations, chain, Receivers(sigma=np.r_[sigmas, 8.0], rho=np.array([[*rhos, 0.99]])), level=np.zeros(25), width=WIDTH,
-        allowed=allowed, start=start_of(chain), class_shares=np.r_[prior, 1e-20], least_share=0.0,
+        observations, chain, Receivers(sigma=np.r_[sigmas, 8.0], rho=np.array([[*rhos, 0.99]])), level=np.zeros(25),
+        width=WIDTH, allowed=allowed, start=start_of(chain), class_shares=np.r_[prior, 1e-20], least_share=0.0,
     )  # fmt: skip
     assert smoothed.class_share[0, :2] == pytest.approx(np.exp(log_joint - logsumexp(log_joint)), abs=0.06)
     assert smoothed.log_likelihood[0] == pytest.approx(logsumexp(log_joint), abs=0.5)
