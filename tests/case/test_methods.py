@@ -1,9 +1,7 @@
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 from builders import straight_traces
 
@@ -20,10 +18,9 @@ from wzsumo.case.methods import (
     register,
 )
 from wzsumo.case.traces_map import crowd_method
-from wzsumo.crowd_mapping.lane_structure import LaneStructuredMap, LaneStructureSpec, lane_structured_map
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.errors import InputError, SpecError
-from wzsumo.grid import OccupancyGrid, blank_grid, cells_inside
+from wzsumo.grid import blank_grid, cells_inside
 from wzsumo.scenario.scenario import Scenario, load_scenario
 from wzsumo.scenario.sections import SlamSpec
 from wzsumo.scenario.site import Site, prepare_site
@@ -159,20 +156,6 @@ def test_every_device_fills_the_cell_that_it_stands_in_however_coarse_the_cells(
     coarser = prepare_site(PAPER.model_copy(update={"map": PAPER.map.model_copy(update={"resolution_m": 0.8})}))
     free = map_of_before_with_devices(coarser).free
     assert not free[coarser.cells.cell_of(coarser.layout.devices[["x_m", "y_m"]])].any()
-
-
-def test_lanes_are_fitted_for_the_whole_width_of_the_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
-    widths: list[float] = []
-
-    def fitted(traces: pd.DataFrame, *, spec: LaneStructureSpec, grid: OccupancyGrid, **others: Any) -> LaneStructuredMap:
-        widths.append(spec.vehicle_width_m)
-        return lane_structured_map(traces, spec=spec, grid=grid, **others)
-
-    monkeypatch.setattr("wzsumo.case.methods.lane_structured_map", fitted)
-    cells = blank_grid((0, -5, 200, 5), resolution=0.5, p_occupied=1.0)
-    task = MapTask(cells=cells, half_width_m=1.1, seed=1)
-    crowd_method("lanes", road=None).map_of_traces(straight_traces([0.0, 0.1, 0.2], length_m=200.0), task)
-    assert widths == [2.2]
 
 
 def test_barrier_is_marked_along_its_whole_length_on_the_map_of_before(barrier_site: Site) -> None:

@@ -10,11 +10,8 @@ import pandas as pd
 import pytest
 
 from wzsumo.cli import main
-from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.files.ros_map import read_map
 from wzsumo.grid import UNKNOWN, OccupancyGrid, blank_grid
-from wzsumo.road import RoadSpec
-from wzsumo.scenario.road_before import with_road_outside
 from wzsumo.scenario.scenario import load_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -240,7 +237,7 @@ def test_scenario_stands_for_its_road(tmp_path: Path, capsys: pytest.CaptureFixt
     table = crowd().assign(x_m=lambda t: t["x_m"] + start - 100, y_m=lambda t: t["y_m"] + 1.83)
     code, figures, _, grid = map_of(capsys, tmp_path, table, "--road", str(scenario))
     assert code == 0
-    assert figures["closed_side"] is None  # what the scenario closes is no part of the map of before
+    assert figures["lanes"] == 3  # what the scenario closes is no part of the map of before
     assert grid.free[grid.cell_of(np.array([[start - 50, 9.0]]))].all()
 
 
@@ -266,11 +263,3 @@ def test_traces_against_the_road_are_refused_in_one_line(tmp_path: Path, capsys:
     code, _, err, _ = joined_map_of(capsys, tmp_path, table=crowd(reverse=True))
     assert code == 2
     assert "traces.csv: most vehicles drive against the road" in err
-
-
-def test_road_before_is_free_outside_the_announced_zone_and_as_the_map_says_inside() -> None:
-    road = RoadSpec(lane_count=2, left_shoulder_ft=10, right_shoulder_ft=10, length_ft=1000).build()
-    unknown = blank_grid((0.0, -5.0, road.length, 15.0), resolution=0.5, p_occupied=0.5)
-    joined = with_road_outside(unknown, MapBefore(road=road, start=100.0, end=200.0))
-    (rows, cols) = joined.cell_of([(50.0, 3.0), (150.0, 3.0), (250.0, 3.0), (50.0, -3.0)])
-    assert joined.p_occupied[rows, cols].tolist() == [0.0, 0.5, 0.0, 0.5]

@@ -2,8 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from wzsumo.crowd_mapping.reference_line import axis_of
 from wzsumo.crowd_mapping.cleaning.station_table import percentile_85_speed, tabulate
+from wzsumo.crowd_mapping.reference_line import axis_of
 from wzsumo.errors import TraceError
 from wzsumo.tables import check_traces
 

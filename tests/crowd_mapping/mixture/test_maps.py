@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.reference_line import axis_of
 from wzsumo.crowd_mapping.mixture.maps import (
     MixtureSpec,
     driven_lines,
@@ -12,6 +11,7 @@ from wzsumo.crowd_mapping.mixture.maps import (
     swept_map,
 )
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
+from wzsumo.crowd_mapping.reference_line import axis_of
 from wzsumo.frames import FloatArray
 from wzsumo.grid import UNKNOWN, blank_grid
 from wzsumo.road import Road

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+from crowd_mapping.lanes.fits import always_in, fit_of, seen
+
+from wzsumo.announced_zone import AnnouncedZone
+from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closures, p_open_strips, slow_stretches
+from wzsumo.frames import FloatArray
+
+STATIONS = 1.0 * np.arange(600)
+E, B = 250, 400  # the lane can no longer be driven from 250 m, and again from 400 m
+L = 200.0  # taper
+STRIPS = 8
+
+
+def strips(*, outer_left: bool, p_closed: float = 1.0) -> FloatArray:
+    interval = np.zeros((600, 600))
+    interval[E, B] = 1.0
+    closure = Closure(p_closed=p_closed, interval=interval)
+    return p_open_strips(closure, STATIONS, outer_left=outer_left, taper_m=L, strips=STRIPS)
+
+
+def test_taper_closes_the_strips_from_the_outer_line_to_the_inner_one() -> None:
+    """At e 1.13 m of a 12 ft lane are left, .31 of its width: strip f closes (f - .31) L ahead of it."""
+    p = strips(outer_left=True)
+    across = (np.arange(STRIPS) + 0.5) / STRIPS
+    for strip, f in enumerate(across):
+        half = int(np.flatnonzero(p[:, strip] < 0.5)[0])
+        assert half == pytest.approx(E + (1 - f - 0.69) * L, abs=2)  # half of the prior's tapers are of length L
+        again = int(np.flatnonzero(p[:, strip] < 0.5)[-1])
+        assert again == pytest.approx(B + f * 30, abs=2)  # downstream taper of 100 ft
+    assert (np.diff(p[E - 100 : E + 40], axis=0) <= 1e-12).all()
+    assert p[300].max() < 0.5
+    assert p[[440, 599]].min() == 1.0
+
+
+def test_all_lengths_of_tapers_meet_where_the_lane_can_no_longer_be_driven() -> None:
+    p = strips(outer_left=True)
+    across = (np.arange(STRIPS) + 0.5) / STRIPS
+    assert (p[E - 1, across < 0.3] > 0.999).all()
+    assert (p[E + 1, across > 0.33] < 0.001).all()
+
+
+def test_taper_of_the_right_lane_is_the_mirror_image() -> None:
+    assert strips(outer_left=False) == pytest.approx(strips(outer_left=True)[:, ::-1])
+
+
+@pytest.mark.parametrize("p_closed", [0.0, 0.3, 0.9])
+def test_strip_is_as_surely_closed_as_its_lane(p_closed: float) -> None:
+    assert strips(outer_left=True, p_closed=p_closed)[395] == pytest.approx(1 - p_closed)
+
+
+def test_vehicle_that_creeps_while_others_drive_by_is_slow() -> None:
+    slowness = np.full((5, 10), 0.05)
+    slowness[2, 4:7] = 0.5
+    slowness[3] = 0.07
+    slow = slow_stretches(seen(np.zeros((5, 10)), slowness=slowness))
+    assert slow[2].tolist() == [False] * 4 + [True] * 3 + [False] * 3
+    assert slow.sum() == 3
+
+
+def test_queue_in_which_all_creep_has_no_slow_vehicle() -> None:
+    assert not slow_stretches(seen(np.zeros((5, 10)), slowness=0.5)).any()
+
+
+def prior_of(**announced: object) -> ClosurePrior:
+    zone = AnnouncedZone(start_m=300.0, end_m=700.0, **announced) if announced else None  # type: ignore[arg-type]
+    return ClosurePrior(announced=zone, taper_m=200.0, shoulders=(1.0, 1.0))
+
+
+def log_odds(p: float) -> float:
+    return float(np.log(p / (1 - p)))
+
+
+def test_announcement_that_names_lanes_makes_these_likely_to_be_closed_and_the_others_not() -> None:
+    said = prior_of(closed_lanes=(1,))
+    assert said.log_odds(1) > log_odds(0.6)
+    assert said.log_odds(0) < log_odds(0.2)
+    assert prior_of(start_sd_m=50.0).log_odds(0) == pytest.approx(0.0, abs=1.0)
+    assert prior_of().log_odds(0) < log_odds(0.1)
+
+
+def test_ordinary_road_with_drivers_in_both_lanes_has_no_closure() -> None:
+    fit = fit_of(always_in([0, 0, 0, 1, 1, 1], n_stations=50))
+    _, closures = fit_closures(fit, seen(np.array([0, 0, 0, 3.6, 3.6, 3.6])[:, None] * np.ones(50)), prior_of())
+    assert [closure.p_closed < 0.01 for closure in closures] == [True, True]
+
+
+def test_lane_that_six_leave_ahead_of_the_announced_zone_is_closed_in_it() -> None:
+    in_lane = always_in([0] * 12, n_stations=50)
+    in_lane[:6, :18] = [0.0, 1.0]
+    in_lane[:6, 36:] = [0.0, 1.0]
+    offset = 3.6 * in_lane[:, :, 1]
+    _, closures = fit_closures(fit_of(in_lane), seen(offset), prior_of(start_sd_m=50.0, end_sd_m=50.0))
+    assert closures[1].p_closed > 0.95
+    assert closures[0].p_closed < 0.05
+    begin, end = (
+        closures[1].interval.sum(axis=1) @ (20.0 * np.arange(50)),
+        closures[1].interval.sum(axis=0) @ (20.0 * np.arange(50)),
+    )
+    assert 350 < begin < 480
+    assert 640 < end < 740
