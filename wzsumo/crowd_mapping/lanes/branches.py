@@ -21,7 +21,7 @@ def find_branches(
     right = fit.course.offset + fit.setting.base - fit.course.width / 2
     left = right + fit.setting.n_lanes * fit.course.width
     needed = MIN_WITNESSES + round(misplaced_share(fit) * len(observations.ids))
-    off_lane = (observations.eta > 0) & (fit.burst > 0.5) & witnesses(fit, slow=slow)
+    off_lane = (observations.eta > 0) & (fit.burst > 0.5) & witnesses(fit, slow=slow)[:, None]
     y = observations.offset
     found = []
     for beside in (off_lane & (y > left + BESIDE_M), off_lane & (y < right - BESIDE_M)):

@@ -17,6 +17,7 @@ from wzsumo.crowd_mapping.lanes.fit import LaneFit, fit_lanes
 from wzsumo.crowd_mapping.lanes.lane_chain import LANE_CHANGES_PER_M
 from wzsumo.crowd_mapping.lanes.observations import Observations
 from wzsumo.crowd_mapping.lanes.receivers import shares_after
+from wzsumo.crowd_mapping.lanes.witnesses import lanes_driven
 from wzsumo.frames import BoolArray, FloatArray
 
 P_CLOSED_ANNOUNCED, P_CLOSED = 0.5, 0.05  # of a lane somewhere along the road, where a zone is announced and where none is
@@ -65,7 +66,7 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
         log_odds = prior.log_odds(lane) + closed_somewhere
         e, b = np.unravel_index(int(evidence.argmax()), evidence.shape)
         seen = observations.eta[:, e : b + 1].max(axis=1) > 0
-        users = np.where(seen, fit.in_lane[:, e : b + 1, lane].max(axis=1), 0.0)
+        users = np.where(seen, lanes_driven(fit, observations)[:, e : b + 1, lane].max(axis=1), 0.0)
         if MIN_DOUBTFUL_USERS < users.sum() < MAX_DOUBTFUL_SHARE * seen.sum() and log_odds > LEAST_LOG_ODDS - 3 * users.sum():
             setting = replace(fit.setting, closed=(*fit.setting.closed, (lane, int(e), int(b))))
             closed = fit_lanes(
@@ -93,7 +94,7 @@ def _evidence(
     `witness` (traces,) is the weight of each trace.
     """
     evidence = interval_evidence(
-        fit.in_lane[:, :, lane],
+        lanes_driven(fit, observations)[:, :, lane],
         observations.eta > 0,
         visibility=witness * (1 - fit.stray) / (1 + (2 * fit.sigma / fit.course.width) ** 2),
         seeming=np.where(slow_stretches(observations), SEEMING_SHARE_OF_SLOW, SEEMING_SHARE),

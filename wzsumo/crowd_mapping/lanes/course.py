@@ -2,10 +2,10 @@
 
     y_i - w x_i = D + u_i + e_i,    u_i ~ N(0, K_i) Gauss-Markov,    e_i ~ N(0, R_i)
 
-x_i is the expected lane. With W_i = (K_i + R_i)^-1 the information about D is sum W_i; about the lanes' width, sum x_i' W_i x_i.
-W is never formed: by Woodbury W v = R^-1 v - R^-1 (K^-1 + R^-1)^-1 R^-1 v, and K^-1 of a Gauss-Markov series is tridiagonal.
-D is bent at few places (Laplace prior of its second differences, by reweighting) and lies, outside the zone, at one shift c of
-all receivers against the road.
+x_i is the expected lane. With W_i = (K_i + R_i)^-1 the information about D is sum W_i, that about the lanes' width sum
+x_i' W_i x_i. W is never formed: by Woodbury W v = R^-1 v - R^-1 (K^-1 + R^-1)^-1 R^-1 v, and K^-1 of a Gauss-Markov series is
+tridiagonal. D is bent at few places (Laplace prior of its second differences, by reweighting) and lies, outside the zone, at
+one shift c of all receivers against the road, unless the lanes are moved there (a Cauchy density).
 """
 
 from dataclasses import dataclass
@@ -150,9 +150,9 @@ def fit_course(
         full[m + 1, :m] -= binding
         full[m + 1, m + 1] += binding.sum() + _shift_information(shift)
         full[:m, :m] += second.T @ (stiff[:, None] * second)
-        covariance = np.linalg.inv(full)
-        solution = covariance @ right
+        solution = np.linalg.solve(full, right)
         d, shift = solution[:m], float(solution[m + 1])
+    covariance = np.linalg.inv(full)
     variance = np.diag(covariance)[:m]
     if prior.has_road:
         variance = variance - 2 * covariance[:m, m + 1] + covariance[m + 1, m + 1]

@@ -1,7 +1,7 @@
 """LaneChain: the Markov chain of a vehicle's lane from one station to the next.
 
-States: in lane k; between neighbouring lanes, a third or two thirds of the way, on the way to the left or to the right; and in a
-burst, in which the fixes say nothing while the lane is remembered (jumps, multipath, ground beside the lanes).
+States: in lane k; between neighbouring lanes, a third or two thirds of the way, on the way to the left or to the right; and in
+a burst, in which the fixes say nothing while the lane is remembered (jumps, multipath, ground beside the lanes).
 """
 
 from dataclasses import dataclass

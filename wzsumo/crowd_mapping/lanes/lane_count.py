@@ -24,8 +24,8 @@ HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tri
 def fit_lane_count(observations: Observations) -> LaneFit:
     """The likeliest fit over the numbers of lanes.
 
-    Each further lane must be worth LOG_PRIOR_PER_LANE, and more where receivers are poor: a trace that is misplaced by half a lane
-    with one lane fewer gains some MISPLACED_GAIN from a lane of its own, though there is none.
+    Each further lane must be worth LOG_PRIOR_PER_LANE, and more where receivers are poor: a trace that is misplaced by half a
+    lane with one lane fewer gains some MISPLACED_GAIN from a lane of its own, though there is none.
     """
     fits = sorted(_rival_fits(observations), key=lambda fit: fit.setting.n_lanes)
     best, best_score, price = fits[0], score(fits[0]), 0.0

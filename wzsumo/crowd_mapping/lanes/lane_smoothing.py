@@ -4,9 +4,9 @@ A trace's offset at station t in state z is
 
     y_t = level_t + w position_z + u_t + e_t,   u: Gauss-Markov with sd sigma,   e_t ~ N(0, r_t)
 
-An interacting-multiple-model filter (Blom and Bar-Shalom 1988) runs over the states: each state carries one normal distribution of
-u, mixed by moments where states meet. The smoother multiplies it by the same filter of the chain read backwards, divided by the
-prior (two-filter formula). The density of a fix is raised to the power eta, since fixes near each other share one wander.
+An interacting-multiple-model filter (Blom and Bar-Shalom 1988) runs over the states: each state carries one normal distribution
+of u, mixed by moments where states meet. The smoother multiplies it by the same filter of the chain read backwards, divided by
+the prior (two-filter formula). The density of a fix is raised to the power eta, since fixes near each other share one wander.
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def _off_lane_density(y: FloatArray, eta: FloatArray, r: FloatArray, spacing: fl
 
 
 @numba.njit(cache=True, nogil=True)
-def _filter(
+def _filter(  # noqa: C901 - one pass over stations and states: a call in it costs more than reading it
     y: FloatArray, eta: FloatArray, r: FloatArray, off_lane: FloatArray, allowed: FloatArray, level: FloatArray, width: float,
     position: FloatArray, burst: BoolArray, first: IntArray, source: IntArray, probability: FloatArray, start: FloatArray,
     rho: float, sigma2: float, predicted: bool, weight: FloatArray, mean: FloatArray, variance: FloatArray,
@@ -109,7 +109,7 @@ def _filter(
 
 
 @numba.njit(cache=True, nogil=True)
-def _smooth(
+def _smooth(  # noqa: C901 - filters forwards and backwards, and joins them
     y: FloatArray, eta: FloatArray, r: FloatArray, spacing: float, allowed: FloatArray, level: FloatArray, width: float,
     position: FloatArray, burst: BoolArray, first: IntArray, source: IntArray, probability: FloatArray, back_first: IntArray,
     back_source: IntArray, back_probability: FloatArray, stationary: FloatArray, start: FloatArray, rho: FloatArray,
@@ -141,8 +141,9 @@ def _smooth(
             class_share[i, c] = -np.inf
             if log_shares[c] > -30:
                 class_share[i, c] = log_shares[c] + _filter(
-                    y[i, low:high], eta[i, low:high], r[i, low:high], off_lane[low:high], allowed[low:high], level[low:high], width, position, burst, first, source,
-                    probability, start, rho[i, c], sigma[c] ** 2, False, w[low:high], m[low:high], v[low:high],
+                    y[i, low:high], eta[i, low:high], r[i, low:high], off_lane[low:high], allowed[low:high], level[low:high],
+                    width, position, burst, first, source, probability, start, rho[i, c], sigma[c] ** 2, False, w[low:high],
+                    m[low:high], v[low:high],
                 )  # fmt: skip
             best = max(best, class_share[i, c])
         total = 0.0
@@ -164,11 +165,13 @@ def _smooth(
                 continue
             sigma2 = sigma[c] ** 2
             _filter(
-                y[i, low:high], eta[i, low:high], r[i, low:high], off_lane[low:high], allowed[low:high], level[low:high], width, position, burst, first, source,
-                probability, start, rho[i, c], sigma2, False, w[low:high], m[low:high], v[low:high],
+                y[i, low:high], eta[i, low:high], r[i, low:high], off_lane[low:high], allowed[low:high], level[low:high], width,
+                position, burst, first, source, probability, start, rho[i, c], sigma2, False, w[low:high], m[low:high],
+                v[low:high],
             )  # fmt: skip
             _filter(
-                back_y[:size], back_eta[:size], back_r[:size], back_off_lane[:size], back_allowed[n_stations - high : n_stations - low],
+                back_y[:size], back_eta[:size], back_r[:size], back_off_lane[:size],
+                back_allowed[n_stations - high : n_stations - low],
                 back_level[n_stations - high : n_stations - low], width, position,
                 burst, back_first, back_source, back_probability, stationary, rho[i, c], sigma2, True, bw[:size], bm[:size],
                 bv[:size],

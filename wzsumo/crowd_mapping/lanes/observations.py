@@ -91,7 +91,7 @@ def _tabulate(
             else:
                 best = -1
                 for c in (left, right):
-                    if 0 <= c < k and abs(cell_s[c] - at) <= spacing / 2:
+                    if 0 <= c < k and -spacing / 2 <= cell_s[c] - at < spacing / 2:
                         if best < 0 or abs(cell_s[c] - at) < abs(cell_s[best] - at):
                             best = c
                 if best >= 0:
