@@ -110,5 +110,5 @@ def test_announcement_of_a_spec_file_is_known_as_well_as_it_says(tmp_path: Path)
     found = read_known_road(road, zone=str(zone), traces=traces_along(LINE), frame=None, utc=False, source="t.csv").announced
     assert found is not None
     assert (found.start_m, found.end_m, found.start_sd_m) == pytest.approx((304.8, 914.4, 9.144))
-    assert found.end_sd_m > 100
+    assert found.end_sd_m == pytest.approx(60.96)  # 200 ft where the file does not say
     assert read_known_road(road, traces=traces_along(LINE), frame=None, utc=False, source="t.csv").announced is None

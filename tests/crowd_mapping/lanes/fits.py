@@ -19,7 +19,7 @@ def seen(
 ) -> Observations:  # fmt: skip
     """Offsets (traces, stations) [m] beside the x axis."""
     n, m = offset.shape
-    stations = spacing * np.arange(m)
+    stations: FloatArray = np.arange(m, dtype=np.float64) * np.float64(spacing)
     return Observations(
         axis=axis_of(np.array([[0.0, 0.0], [stations[-1] + 1.0, 0.0]])), stations=stations,
         offset=np.asarray(offset, dtype=float),

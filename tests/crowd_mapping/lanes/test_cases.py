@@ -15,7 +15,8 @@ import pandas as pd
 import pytest
 import shapely
 
-from wzsumo.crowd_mapping.cleaning.usable_traces import UsableTraces, usable_traces
+from wzsumo.crowd_mapping.cleaning.usable_fixes import UsableTraces
+from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.crowd_mapping.lanes.lane_mapping import MappedLanes, map_lanes
 from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
 from wzsumo.grid import blank_grid, cells_inside

@@ -7,7 +7,7 @@ import pytest
 
 from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.crowd_mapping.lanes.closure_evidence import interval_evidence, interval_prior
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 
 SPACING = 20.0
 STATIONS = 50
@@ -15,7 +15,7 @@ FIRST, LAST = 20, 35  # of the closure
 CHANGES_PER_M = 1 / 3000
 
 
-def evidence(in_lane: FloatArray, *, visibility: float = 1.0, seen: FloatArray | None = None) -> FloatArray:
+def evidence(in_lane: FloatArray, *, visibility: float = 1.0, seen: BoolArray | None = None) -> FloatArray:
     n = len(in_lane)
     return interval_evidence(
         in_lane, np.ones(in_lane.shape, dtype=bool) if seen is None else seen, visibility=np.full(n, visibility),
@@ -69,6 +69,14 @@ def test_evidence_of_mere_absence_grows_with_the_logarithm_of_the_traces() -> No
         assert log_lr == pytest.approx(np.log(1 + n * STATIONS * SPACING / 3000.0), abs=0.05)
 
 
+def test_vehicles_that_leave_shortly_ahead_of_a_closure_speak_for_it_and_those_far_ahead_or_inside_do_not() -> None:
+    """Ten leave at 200 m; a closure from 240 m is likelier than one from 800 m, by more than one nat each."""
+    in_lane = np.zeros((20, STATIONS))
+    in_lane[:10, :10] = 1.0
+    near, far = evidence(in_lane)[12, 49], evidence(in_lane)[40, 49]
+    assert near > far + 10
+
+
 def test_receiver_that_cannot_tell_lanes_apart_says_little() -> None:
     sharp, blurred = (evidence(leavers(10), visibility=v)[FIRST, LAST] for v in (1.0, 0.05))
     assert 0 < blurred < 0.25 * sharp
@@ -81,7 +89,7 @@ def test_vehicles_that_were_not_seen_there_say_nothing_of_an_interval() -> None:
     assert evidence(in_lane, seen=seen)[FIRST, LAST] > evidence(in_lane)[FIRST, LAST] + 6
 
 
-STATIONS_M = 20.0 * np.arange(100)
+STATIONS_M = np.linspace(0.0, 1980.0, 100)
 
 
 def test_prior_of_an_interval_sums_to_1_and_no_closure_is_shorter_than_40_m() -> None:

@@ -6,7 +6,7 @@ from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closures, p_open_strips, slow_stretches
 from wzsumo.frames import FloatArray
 
-STATIONS = 1.0 * np.arange(600)
+STATIONS = np.arange(600, dtype=np.float64)
 E, B = 250, 400  # the lane can no longer be driven from 250 m, and again from 400 m
 L = 200.0  # taper
 STRIPS = 8

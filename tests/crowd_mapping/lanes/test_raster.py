@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -25,7 +27,7 @@ def lane_map(
         for k, p in enumerate(p_open)
     )  # fmt: skip
     return LaneMap(
-        axis=axis_of(line), stations=20.0 * np.arange(n), lanes=lanes, branches=branches, n_traces=6, first_time_s=0.0,
+        axis=axis_of(line), stations=np.linspace(0.0, 200.0, n), lanes=lanes, branches=branches, n_traces=6, first_time_s=0.0,
         last_time_s=1.0,
     )  # fmt: skip
 
@@ -46,6 +48,15 @@ def test_outer_line_blurs_as_the_normal_distribution_of_its_place() -> None:
 
 def test_line_between_an_open_lane_and_a_closed_one_is_a_half() -> None:
     assert p_at([1.8, 3.6, 5.4, 7.2], p_open=(1.0, 0.0)) == pytest.approx([0, 0.5, 1, 1], abs=1e-6)
+
+
+def test_strips_of_a_taper_are_closed_one_by_one() -> None:
+    """The left half of the left lane is closed: ground is free up to its middle at 5.4 m, and a half there."""
+    made = lane_map()
+    left = made.lanes[1]
+    half = replace(left, p_open=np.where(np.arange(8) < 4, 1.0, 0.0) * np.ones_like(left.p_open))
+    p = p_occupied(replace(made, lanes=(made.lanes[0], half)), np.full(5, 90.0), np.array([3.6, 4.7, 5.4, 6.1, 7.1]))
+    assert p == pytest.approx([0, 0, 0.5, 1, 1], abs=1e-3)
 
 
 def test_lane_of_which_nothing_is_known_is_a_half_on_all_its_ground() -> None:
