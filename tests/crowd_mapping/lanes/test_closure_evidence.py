@@ -19,7 +19,7 @@ def evidence(in_lane: FloatArray, *, visibility: float = 1.0, seen: BoolArray | 
     n = len(in_lane)
     return interval_evidence(
         in_lane, np.ones(in_lane.shape, dtype=bool) if seen is None else seen, visibility=np.full(n, visibility),
-        seeming=np.full(in_lane.shape, 0.05), spacing=SPACING, changes_per_m=CHANGES_PER_M,
+        seeming=np.full(in_lane.shape, 0.001), spacing=SPACING, changes_per_m=CHANGES_PER_M,
     )  # fmt: skip
 
 

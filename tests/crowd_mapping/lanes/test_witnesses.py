@@ -73,5 +73,8 @@ def test_share_of_fixes_counts_those_in_free_and_in_closed_lanes() -> None:
     on_free, on_occupied = share_of_fixes(lanes(p_open), fit_of(in_lane, burst=burst), seen(3.6 * in_lane[:, :, 1]))
     assert on_occupied == pytest.approx(10 / 120)
     assert on_free == pytest.approx(110 / 120)
-    burst[3] = 1.0
-    assert share_of_fixes(lanes(p_open), fit_of(in_lane, burst=burst), seen(3.6 * in_lane[:, :, 1])) == (1.0, 0.0)
+    burst[3] = 1.0  # off the lanes' course, and yet on the left lane's ground: it counts, unless it came there by a jump
+    again = share_of_fixes(lanes(p_open), fit_of(in_lane, burst=burst), seen(3.6 * in_lane[:, :, 1]))
+    assert again == pytest.approx((on_free, on_occupied))
+    aside = share_of_fixes(lanes(p_open), fit_of(0 * in_lane + in_lane[0], burst=burst), seen(3.6 * in_lane[:, :, 1] * 4))
+    assert aside == (1.0, 0.0)

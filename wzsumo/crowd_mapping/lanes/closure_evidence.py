@@ -30,7 +30,7 @@ TAPER_LENGTHS = ((0.5, 0.15), (0.75, 0.15), (1.0, 0.5), (1.5, 0.12), (2.0, 0.08)
 P_SHOULDER_TAPER = 0.6  # that a shoulder taper of a third of L stands ahead of the merging taper (TA-33). Chosen by us
 TANGENTS = ((0.0, 0.3), (1.0, 0.3), (2.0, 0.4))  # between two merging tapers, in L: the manual's 2 L (TA-37), or less
 DEVICE_PLACING_SD_M = 8.0  # devices are set out by pacing. Chosen by us
-SHORTEST_CLOSURE_M = 40.0
+SHORTEST_CLOSURE_M = 120.0  # between the end of a taper and the next opening. Chosen by us
 # How much likelier a first trace is than a further one to seem to be in a closed lane: one witness does not open it
 FIRST_SEEMING_FACTOR = 50.0
 

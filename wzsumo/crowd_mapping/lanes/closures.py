@@ -27,6 +27,7 @@ SEEMING_SHARE = 0.001  # of traces that seem to drive in a closed lane: stray ve
 SEEMING_SHARE_OF_SLOW, SLOW_FACTOR = 0.5, 3.0
 # A closure is doubted where this many traces, and at most this share of them, seem to drive in it
 MIN_DOUBTFUL_USERS, MAX_DOUBTFUL_SHARE, DOUBT_ROUNDS = 0.5, 0.35, 3
+MIN_DOUBTFUL_SIGMA_M = 0.8  # of the receivers of those users: better ones do not err by a lane. Chosen by us
 LEAST_LOG_ODDS = -15.0  # of a closure that is worth a further fit
 
 
@@ -67,7 +68,12 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
         e, b = np.unravel_index(int(evidence.argmax()), evidence.shape)
         seen = observations.eta[:, e : b + 1].max(axis=1) > 0
         users = np.where(seen, lanes_driven(fit, observations)[:, e : b + 1, lane].max(axis=1), 0.0)
-        if MIN_DOUBTFUL_USERS < users.sum() < MAX_DOUBTFUL_SHARE * seen.sum() and log_odds > LEAST_LOG_ODDS - 3 * users.sum():
+        errs = float((users * fit.sigma).sum() / max(users.sum(), 1e-9)) > MIN_DOUBTFUL_SIGMA_M
+        if (
+            errs
+            and MIN_DOUBTFUL_USERS < users.sum() < MAX_DOUBTFUL_SHARE * seen.sum()
+            and log_odds > LEAST_LOG_ODDS - 3 * users.sum()
+        ):
             setting = replace(fit.setting, closed=(*fit.setting.closed, (lane, int(e), int(b))))
             closed = fit_lanes(
                 observations, setting, course=fit.course.offset, receivers=fit.receivers, shares=shares_after(fit.class_share),

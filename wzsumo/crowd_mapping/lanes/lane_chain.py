@@ -13,6 +13,7 @@ from wzsumo.frames import BoolArray, FloatArray, IntArray
 LANE_CHANGES_PER_M = 1 / 3000  # to each side: 0.3 to 0.6 changes a km on freeways (NGSIM; Knoop et al. 2012)
 BURSTS_PER_M = 3e-5  # one in 30 km. Chosen by us
 BURST_LENGTH_M = 200.0  # mean
+QUICK_PER_M = 0.015  # share of the lane changes that pass between two stations, by their distance. Chosen by us
 CHANGE_STAY = 0.35  # of a third of a lane change at 20 m between stations: changes of 60 to 150 m
 
 
@@ -48,7 +49,7 @@ def lane_chain(n_lanes: int, *, spacing: float) -> LaneChain:
         for start, end in ((lane, lane + 1), (lane + 1, lane)):
             one, two = len(position), len(position) + 1
             position += [start + (end - start) / 3, start + 2 * (end - start) / 3]
-            quick = 0.3 if spacing >= 20 else 0.0  # of the changes that pass between two stations, fixes being rare
+            quick = min(QUICK_PER_M * spacing, 0.9) if spacing >= 20 else 0.0
             edges += [(start, one, change * (1 - quick)), (start, end, change * quick)]
             edges += [(one, one, stay), (one, two, 0.95 * (1 - stay)), (one, start, 0.05 * (1 - stay))]
             edges += [(two, two, stay), (two, end, 1 - stay)]

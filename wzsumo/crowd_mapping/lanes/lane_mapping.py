@@ -63,7 +63,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
         first_time_s=float(traces["time_s"].min()), last_time_s=float(traces["time_s"].max()), warnings=warnings,
     )  # fmt: skip
     figures = {
-        "open_lanes": sum(closure.p_closed < 0.5 for closure in closures),
+        "open_lanes": sum(bool((lane.p_open_middle > 0.5).all()) for lane in lanes),
         "lanes": len(lanes),
         "lane_width_m": fit.course.width,
         "lane_width_sd_m": fit.course.width_sd,

@@ -222,9 +222,9 @@ def smooth_traces(
 ) -> Smoothed:
     """The smoothed states of all traces.
 
-    `level` (stations,) [m] is the offset of lane 0, `width` [m] that between lanes, `allowed` (stations, states) a factor of each
-    state's probability, `start` (states,) and `class_shares` (classes,) the prior shares. A class that explains a trace with a
-    share below `least_share` is left out of the smoothing.
+    `level` (stations,) [m] is the offset of lane 0, `width` [m] that between lanes, `allowed` (stations, states) a factor of
+    each state's probability, `start` (states,) and `class_shares` (classes,) the prior shares. A class that explains a trace
+    with a share below `least_share` is left out of the smoothing.
     """
     n, m = observations.offset.shape
     smoothed = Smoothed(

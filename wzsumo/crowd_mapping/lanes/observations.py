@@ -63,7 +63,7 @@ def observe(traces: pd.DataFrame, axis: Road) -> Observations:
 
 
 @numba.njit(cache=True, nogil=True)
-def _tabulate(
+def _tabulate(  # noqa: C901 - one pass over traces and stations
     s: FloatArray, d: FloatArray, time: FloatArray, near: BoolArray, first: IntArray, stations: FloatArray, offset: FloatArray,
     eta: FloatArray, slowness: FloatArray, white: FloatArray, speed: FloatArray,
 ) -> None:  # fmt: skip
@@ -73,7 +73,7 @@ def _tabulate(
     for i in range(len(first) - 1):
         a, b = first[i], first[i + 1]
         # Thin out: means over cells of half a spacing, in the order of the stations.
-        cell_s, cell_d, cell_n, cell_t = _cells(s[a:b], d[a:b], time[a:b], near[a:b], spacing / 2, stations[0], n_stations)
+        cell_s, cell_d, _, cell_t = _cells(s[a:b], d[a:b], time[a:b], near[a:b], spacing / 2, stations[0], n_stations)
         k = len(cell_s)
         speed[i] = _median_speed(s[a:b], d[a:b], time[a:b])
         if k == 0:
