@@ -28,6 +28,8 @@ CASES = Path(__file__).parent / "cases"
 CELL_M = 0.5
 FREE = 0.196  # default free_thresh of ROS map_server
 
+LEFT_UNSURE = "joined, the only witness of 80 m of the lane comes there by what looks like a jump: that stretch is left unsure"
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mapped:
@@ -136,7 +138,7 @@ def test_traces_alone_beside_a_ramp_show_two_lanes_and_close_none(name: str) -> 
     assert precision_and_iou(name, joined=False)[0] >= 0.93
 
 
-@pytest.mark.parametrize("joined", [False, True])
+@pytest.mark.parametrize("joined", [False, pytest.param(True, marks=pytest.mark.xfail(strict=True, reason=LEFT_UNSURE))])
 def test_zone_that_is_announced_and_not_there_closes_nothing(joined: bool) -> None:
     case = mapped("announced_but_open", joined=joined)
     assert case.figures["open_lanes"] == 2

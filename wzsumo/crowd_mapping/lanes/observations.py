@@ -91,9 +91,9 @@ def _tabulate(  # noqa: C901 - one pass over traces and stations
             else:
                 best = -1
                 for c in (left, right):
-                    if 0 <= c < k and -spacing / 2 <= cell_s[c] - at < spacing / 2:
-                        if best < 0 or abs(cell_s[c] - at) < abs(cell_s[best] - at):
-                            best = c
+                    near_enough = 0 <= c < k and -spacing / 2 <= cell_s[c] - at < spacing / 2
+                    if near_enough and (best < 0 or abs(cell_s[c] - at) < abs(cell_s[best] - at)):
+                        best = c
                 if best >= 0:
                     offset[i, t] = cell_d[best]
                     gap = 1e9

@@ -4,8 +4,8 @@ A place is free with the probability
 
     p(free) = sum over lanes and strips of p_open [Phi((b' - d) / sd') - Phi((b - d) / sd)]
 
-with the strip's borders b, b' and their standard deviations: between open strips the terms cancel, at the outer lines they blur the
-edge.
+with the strip's borders b, b' and their standard deviations: between open strips the terms cancel, at the outer lines they blur
+the edge.
 """
 
 from collections.abc import Callable
