@@ -201,6 +201,8 @@ reference_points_m = [[-50.0, 1.83], [450.0, 1.83]]
 [announced]
 start_ft = {start}
 end_ft = {end}
+start_sd_ft = 15
+end_sd_ft = 15
 """
 
 
@@ -227,7 +229,8 @@ def test_map_joined_to_the_road_knows_its_lanes_outside_the_announced_zone(
     # The zone runs from x = 102 m to 255 m; at 30 mph its tapers take 75 m and 30 m. The left lane was not driven.
     for x, free in ((60.0, True), (205.0, False), (300.0, True)):
         assert grid.free[grid.cell_of(np.array([[x, 0.0]]))].all()
-        assert grid.free[grid.cell_of(np.array([[x, 3.66]]))].all() == free
+        # Nobody drove there: outside the zone it is likely open, and no more, for an announcement may be wrong.
+        assert (grid.p_occupied[grid.cell_of(np.array([[x, 3.66]]))] < 0.5).all() == free
 
 
 def test_scenario_stands_for_its_road(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

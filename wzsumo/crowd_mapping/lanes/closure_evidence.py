@@ -118,7 +118,7 @@ def interval_prior(
         end = (1 - P_ANNOUNCEMENT_RIGHT) * anywhere + P_ANNOUNCEMENT_RIGHT * _normal(
             s, announced.end_m - DOWNSTREAM_TAPER_M, np.hypot(announced.end_sd_m, spacing / 3)
         )
-    prior = np.triu(np.outer(start, end), k=max(1, round(SHORTEST_CLOSURE_M / spacing)))
+    prior = np.triu(np.outer(start, end), k=min(max(1, round(SHORTEST_CLOSURE_M / spacing)), m - 1))
     return prior / max(prior.sum(), 1e-300)
 
 

@@ -63,7 +63,7 @@ def observe(traces: pd.DataFrame, axis: Road) -> Observations:
 
 
 @numba.njit(cache=True, nogil=True)
-def _tabulate(  # noqa: C901 - one pass over traces and stations
+def _tabulate(
     s: FloatArray, d: FloatArray, time: FloatArray, near: BoolArray, first: IntArray, stations: FloatArray, offset: FloatArray,
     eta: FloatArray, slowness: FloatArray, white: FloatArray, speed: FloatArray,
 ) -> None:  # fmt: skip

@@ -27,8 +27,8 @@ def witnesses(fit: LaneFit, *, slow: BoolArray) -> BoolArray:
 def lanes_driven(fit: LaneFit, observations: Observations) -> FloatArray:
     """Chance (traces, stations, lanes) that a vehicle is on the ground of a lane: in the lane, or off the lanes' course there.
 
-    A vehicle in a burst may be anywhere. Where its positions lie in a lane, its receiver is good and it came there without a jump,
-    it drives there.
+    A vehicle in a burst may be anywhere. Where its positions lie in a lane, its receiver is good and it came there without a
+    jump, it drives there.
     """
     middle = fit.course.offset + fit.setting.base
     place = (observations.offset - middle[None, :]) / fit.course.width
@@ -70,8 +70,8 @@ def open_where_driven(
         for first, last in _runs(against):
             words.append(
                 f"{int(count[first : last + 1].max())} traces drove in lane {number} (0 = rightmost) between "
-                f"{observations.stations[first]:.0f} m and {observations.stations[last]:.0f} m, where the model has it closed or "
-                "unsure: it is kept open there"
+                f"{observations.stations[first]:.0f} m and {observations.stations[last]:.0f} m, where the model has it closed "
+                "or unsure: it is kept open there"
             )
         opened.append(replace(lane, p_open=np.where(against[:, None], np.maximum(lane.p_open, P_OPEN_WITNESSED), lane.p_open)))
     return tuple(opened), words
