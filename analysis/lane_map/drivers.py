@@ -107,12 +107,12 @@ def _through(
 
 
 def _returns_at(layout: Layout, random: np.random.Generator) -> float:
-    """Station [m] at which a driver goes back to the lane that he came in, behind the end of all closures."""
+    """Station [m] at which a vehicle goes back to the lane that it came in, behind the end of all closures."""
     return max(closure.at[3] for closure in layout.closures) + float(random.exponential(RETURNS_AFTER_M))
 
 
 def _discretionary(traffic: Traffic, s: FloatArray, random: np.random.Generator) -> FloatArray:
-    """Stations (n,) [m] in order at which a driver would change lanes of his own accord, at least 250 m apart."""
+    """Stations (n,) [m] in order at which a vehicle changes lanes though nothing forces it to, at least 250 m apart."""
     length = float(s[-1] - s[0])
     places = np.sort(random.uniform(s[0], s[-1] - 120.0, random.poisson(traffic.changes_per_km * length / 1000.0)))
     return places[np.diff(places, prepend=-np.inf) > 250.0]
@@ -138,7 +138,7 @@ def _left(
     wander: FloatArray,
     random: np.random.Generator,
 ) -> FloatArray:
-    """Lanes (n,) of a driver who leaves a closing lane at a random place, earlier where the devices ask for it."""
+    """Lanes (n,) of a vehicle that leaves a closing lane at a random place, earlier where the devices leave no room."""
     length = random.uniform(*CHANGE_M) * abs(goal - round(float(np.interp(at[0], s, lanes))))
     start = random.uniform(at[0] - LEAVES_AHEAD_M, at[0] + LATEST_IN_TAPER * (at[1] - at[0]))
     beside = (s >= at[0]) & (s <= at[1] + 10.0)
@@ -163,7 +163,7 @@ def _over_ramp(layout: Layout, s: FloatArray, wander: FloatArray, random: np.ran
 
 
 def _kept_clear(layout: Layout, d: FloatArray, s: FloatArray) -> FloatArray:
-    """Offsets (n,) [m] of a driver who keeps clear of devices; outside the zone he minds nothing but his lane."""
+    """Offsets (n,) [m] of a vehicle that keeps clear of devices; outside the zone it keeps to its lane alone."""
     bare = replace(layout, closures=(), ramp=None)
     gap = HALF_VEHICLE_WIDTH_M + DEVICE_GAP_M
     (right, left), (bare_right, bare_left) = layout.edges(s), bare.edges(s)

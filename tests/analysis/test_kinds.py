@@ -181,7 +181,7 @@ def test_some_drivers_are_back_in_the_lane_that_was_closed_soon_after_it_opens()
     station, offset = case.before().road.to_sd(case.traces[["x_m", "y_m"]].to_numpy())
     s, opened = station - 200, layout.closures[0].at[3]
     share_before, share_after = ((offset < layout.width)[(s > at) & (s < at + 60)].mean() for at in (0.0, opened + 200))
-    # Half of them go back, by 200 m behind the opening 1 - exp(-200 / 300) of those, less who are still changing lanes.
+    # Half of them go back, by 200 m behind the opening 1 - exp(-200 / 300) of those, less those still changing lanes.
     assert 0.1 * share_before < share_after < 0.4 * share_before
 
 

@@ -29,7 +29,7 @@ LICENCE = "https://creativecommons.org/publicdomain/zero/1.0/"  # of all public 
 
 @dataclass(frozen=True, kw_only=True)
 class FeedDetails:
-    """What a feed says beside the map: who publishes it, the road's name, the direction (None: by the bearing), the times."""
+    """What a feed says beside the map: its publisher, the road's name, the direction (None: by the bearing), the times."""
 
     publisher: str
     road_name: str

@@ -28,7 +28,7 @@ CASES = Path(__file__).parent / "cases"
 CELL_M = 0.5
 FREE = 0.196  # default free_thresh of ROS map_server
 
-LEFT_UNSURE = "joined, the only witness of 80 m of the lane comes there by what looks like a jump: that stretch is left unsure"
+LEFT_UNSURE = "joined, part of the left lane is called closed though two of ten traces drive through it; cause not found"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,7 +15,8 @@ from wzsumo.road import RoadSpec
 LANE = 3.6576  # 12 ft
 
 
-FOUR_USERS = "of six lanes with four users each, one that all four leave by chance is taken to be closed"
+FOUR_USERS = "five lanes are found where six have four users each: a lane more costs what receivers may misplace"
+END_UNSEEN = "alone, traffic hardly tells where a closure ends: P(open) rises to .4 within 100 m ahead of its end"
 
 
 def crowd(
@@ -126,14 +127,14 @@ def closed_at(made: MappedLanes, x: float, lane: int) -> float:
     return float(1 - np.interp(x + 200.0, lanes.stations, lanes.lanes[lane].p_open_middle))
 
 
-@pytest.mark.parametrize("joined", [False, True])
+@pytest.mark.parametrize("joined", [pytest.param(False, marks=pytest.mark.xfail(strict=True, reason=END_UNSEEN)), True])
 def test_lane_that_everybody_leaves_is_closed_between_and_open_before_and_after(joined: bool) -> None:
     made = map_lanes(closing(), before=before_of(closed=ZONE) if joined else None)
     assert made.figures["open_lanes"] == 1
     assert made.figures["lanes"] == 2
     s = made.lanes.stations - (200.0 if joined else 0.0)
     p = made.lanes.lanes[1].p_open_middle
-    assert p[(s > 550) & (s < 740)].max() < 0.35
+    assert p[(s > 550) & (s < 800)].max() < 0.2
     assert p[s < 150].min() > 0.804
     assert p[s > 1100].min() > 0.804
     assert made.lanes.lanes[0].p_open_middle.min() > 0.804

@@ -17,6 +17,9 @@ WIDTH = 3.6
 N_GRID = 121
 
 
+CHANGE_AMONG_DRIFT = "at an error of a third of a lane the share is off by .73 at the station of a lane change"
+
+
 def exact(
     observations: Observations, chain: LaneChain, *, sigma: float, rho: float, allowed: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, float]:
@@ -77,15 +80,17 @@ def start_of(chain: LaneChain) -> FloatArray:
     return np.asarray(start / start.sum())
 
 
-@pytest.mark.parametrize(("sigma", "at_most"), [(0.4, 0.1), (0.8, 0.15), (1.2, 0.8)])
-@pytest.mark.parametrize("change_at", [None, 10])
+@pytest.mark.parametrize(
+    ("change_at", "sigma", "at_most"),
+    [
+        (None, 0.4, 0.1), (10, 0.4, 0.1), (None, 0.8, 0.15), (10, 0.8, 0.15), (None, 1.2, 0.4),
+        pytest.param(10, 1.2, 0.4, marks=pytest.mark.xfail(strict=True, reason=CHANGE_AMONG_DRIFT)),
+    ],
+)  # fmt: skip
 def test_shares_of_lanes_and_likelihood_are_those_of_the_exact_twin(
     change_at: int | None, sigma: float, at_most: float
 ) -> None:
-    """Within .05 on average, `at_most` at any station, and .3 nats of some 16: a state has one normal distribution of u.
-
-    With an error of a third of a lane, the station of a lane change is the limit of that: there the smoother may be off by .8.
-    """
+    """Within .04 on average, `at_most` at any station, and .3 nats of some 16: a state has one normal distribution of u."""
     chain, rho = lane_chain(2, spacing=20.0), 0.9
     start = start_of(chain)
     for seed in range(3):
@@ -101,7 +106,7 @@ def test_shares_of_lanes_and_likelihood_are_those_of_the_exact_twin(
         assert smoothed.log_likelihood[0] == pytest.approx(log_likelihood, abs=0.3)
         lanes = [lane_shares(share[None], chain.position, chain.burst, 2)[0] for share in (smoothed.state_share[0], shares)]
         gap = np.abs(lanes[0] - lanes[1])
-        assert gap.mean() < 0.05
+        assert gap.mean() < 0.04
         assert gap.max() < at_most
         assert smoothed.state_share[0].sum(axis=1) == pytest.approx(1.0)
 

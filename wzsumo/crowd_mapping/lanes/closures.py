@@ -25,6 +25,7 @@ P_CLOSED_AS_SAID, P_CLOSED_NOT_SAID = 0.8, 0.1  # where the announcement says wh
 SEEMING_SHARE = 0.001  # of traces that seem to drive in a closed lane: stray vehicles, jumps of positions. Chosen by us
 # The same of a vehicle that stands or creeps there while others drive by: a work vehicle
 SEEMING_SHARE_OF_SLOW, SLOW_FACTOR = 0.5, 3.0
+MIN_SLOW_S = 20.0  # that such a vehicle loses; a fix that is a second or two late loses no more. Chosen by us
 # A closure is doubted where this many traces, and at most this share of them, seem to drive in it
 MIN_DOUBTFUL_USERS, MAX_DOUBTFUL_SHARE, DOUBT_ROUNDS = 0.5, 0.35, 3
 MIN_DOUBTFUL_SIGMA_M = 0.8  # of the receivers of those users: better ones do not err by a lane. Chosen by us
@@ -127,12 +128,17 @@ def _lane_changes_per_m(fit: LaneFit, observations: Observations) -> float:
 
 
 def slow_stretches(observations: Observations) -> BoolArray:
-    """Where (traces, stations) a vehicle takes SLOW_FACTOR times as long a metre as half of the others."""
+    """Where (traces, stations) a vehicle takes SLOW_FACTOR times as long a metre as half of the others.
+
+    Only vehicles that lose MIN_SLOW_S in all count: a fix may be late.
+    """
     slowness = np.where(observations.slowness > 0, observations.slowness, np.nan)
     usual = np.full(slowness.shape[1], np.inf)
     some = np.isfinite(slowness).any(axis=0)
     usual[some] = np.nanmedian(slowness[:, some], axis=0)
-    return observations.slowness > SLOW_FACTOR * usual
+    slow = observations.slowness > SLOW_FACTOR * usual
+    lost_s = np.where(slow, observations.slowness - np.where(some, usual, 0.0), 0.0).sum(axis=1) * observations.spacing
+    return slow & (lost_s >= MIN_SLOW_S)[:, None]
 
 
 def p_open_strips(closure: Closure, stations: FloatArray, *, outer_left: bool, taper_m: float, strips: int) -> FloatArray:

@@ -12,7 +12,6 @@ from wzsumo.grid import FREE_THRESHOLD
 from wzsumo.lane_map import MappedLane
 
 MIN_WITNESSES = 2  # one is not enough
-MIN_SLOW_STATIONS = 3  # over which a vehicle creeps that bears no witness: a fix or two may be late
 MAX_SLOPE = 0.12  # of a way against the lanes: a lane change of 60 m peaks at 0.09; what is steeper is a jump of positions
 HALF_OF_LANE = 0.4  # of a width to either side of its middle: a car does not straddle the line
 MAX_SIGMA_M = 1.2  # of a receiver whose word counts: it is wrong by half a lane in one of eight drives
@@ -21,7 +20,7 @@ P_OPEN_WITNESSED = 0.85  # of ground that so many drove against the model: free,
 
 def witnesses(fit: LaneFit, *, slow: BoolArray) -> BoolArray:
     """Which (traces,) count as witnesses: vehicles that follow lanes, creep nowhere, and whose receivers are good."""
-    return np.asarray((fit.sigma < MAX_SIGMA_M) & (fit.stray < 0.5) & (slow.sum(axis=1) < MIN_SLOW_STATIONS))
+    return np.asarray((fit.sigma < MAX_SIGMA_M) & (fit.stray < 0.5) & ~slow.max(axis=1))
 
 
 def lanes_driven(fit: LaneFit, observations: Observations) -> FloatArray:
