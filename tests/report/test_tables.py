@@ -9,7 +9,7 @@ import pytest
 from wzsumo.figures.traffic_figures import draw_space_time
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.metrics.traffic import MINUTE_COLUMNS, STATION_COLUMNS, VEHICLE_COLUMNS, TrafficSummary
-from wzsumo.report.tables import goal_rows, outcome_code, outcome_in_words, traffic_rows
+from wzsumo.report.tables import conduct_rows, goal_rows, outcome_code, outcome_in_words, traffic_rows
 
 LAYOUT = {"areas": [{"name": "merging taper", "start_m": 200, "end_m": 400}, {"name": "work $", "start_m": 400, "end_m": 800}]}
 
@@ -79,3 +79,19 @@ def test_planner_that_gave_up_is_not_told_as_a_map_without_a_path(
     assert outcome_code(figures) == code
     assert outcome_in_words(figures) == words
     assert goal_rows({"swept": {"goals": {"own_lane": figures}}})[0]["own_lane_outcome"] == words
+
+
+def test_conduct_row_says_clean_or_what_was_not_and_leaves_out_what_did_not_drive() -> None:
+    conduct = {
+        "n_unprompted_stops": 1, "n_stops": 2, "braking_unprompted_mps2": 3.46, "braking_behind_mps2": 2.0,
+        "max_jerk_1s_mps3": 1.0, "over_line_share": 0.021, "mean_off_middle_m": 0.1, "sd_off_middle_m": 0.05,
+        "n_lane_changes": 1, "n_needed_changes": 0, "min_time_gap_s": None,
+    }  # fmt: skip
+    methods: dict[str, dict[str, Any]] = {
+        "lanes": {"conduct": conduct, "clean": False, "faults": "braked 3.5 m/s2 (limit 3.4)"},
+        "swept": {"conduct": conduct, "clean": True, "faults": ""},
+        "paper": {"conduct": None},
+    }
+    lanes, swept = conduct_rows(methods)
+    assert (lanes["verdict"], swept["verdict"]) == ("braked 3.5 m/s2 (limit 3.4)", "clean")
+    assert (lanes["stops"], lanes["braking"], lanes["over_line"], lanes["time_gap"]) == ("1 of 2", "3.5 m/s²", "2.1 %", "-")

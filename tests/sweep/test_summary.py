@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import bootstrap
 
 from wzsumo.errors import InputError
-from wzsumo.sweep.summary import compare, latex, markdown, summarise, traces_needed, write_table
+from wzsumo.sweep.summary import clean_drives, compare, largest_share, latex, markdown, summarise, traces_needed, write_table
 
 
 def results(
@@ -110,3 +110,23 @@ def test_tables_for_papers_escape_what_their_language_reads(tmp_path: Path) -> N
     paths = write_table(frame, tmp_path, "t")
     assert sorted(path.suffix for path in paths) == [".csv", ".md", ".parquet", ".tex"]
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "t.parquet"), frame)
+
+
+@pytest.mark.parametrize(("found", "n", "bound"), [(0, 320, 0.0093), (0, 10, 0.2589), (1, 10, 0.3942), (10, 10, 1.0)])
+def test_largest_share_is_that_of_clopper_and_pearson(found: int, n: int, bound: float) -> None:
+    # 0 of n: 1 - 0.05^(1/n); 1 of 10: their table, 95 % one-sided.
+    assert largest_share(found, n) == pytest.approx(bound, abs=5e-5)
+
+
+def test_clean_drives_are_counted_by_method_and_bounded_by_drives_and_by_seeds() -> None:
+    table = results(seeds=10, methods=("lanes", "swept"), used=(5, 10))
+    table["outcome"], table["clean"] = "REACHED_GOAL", True
+    table.loc[(table["method"] == "swept") & (table["seed"] == 3), "clean"] = False
+    table.loc[(table["method"] == "swept") & (table["seed"] == 3) & (table["crowd.used"] == 5), "outcome"] = "COLLIDED"
+    table = pd.concat([table, table.head(1).assign(clean=None), table.head(1).assign(clean=False, status="FAILED")])
+    lanes, swept = clean_drives(table, by=["method"]).to_dict("records")
+    assert (lanes["n"], lanes["n_clean"], lanes["share"]) == (20, 20, 1.0)
+    assert (swept["n"], swept["n_reached"], swept["n_clean"]) == (20, 19, 18)
+    assert lanes["low"] == pytest.approx(0.05 ** (1 / 20))
+    assert lanes["unclean_seeds"] == pytest.approx(1 - 0.05 ** (1 / 10))
+    assert swept["unclean_seeds"] == pytest.approx(0.3942, abs=5e-5)

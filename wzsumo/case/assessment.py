@@ -10,6 +10,7 @@ from wzsumo.case.lidar_baseline import LidarBaseline
 from wzsumo.ego import EgoRun, Outcome
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.clearance import clearance_along
+from wzsumo.metrics.conduct import faults_of, measure_conduct
 from wzsumo.metrics.contact import ContactChecker
 from wzsumo.metrics.delay_behind import delay_behind
 from wzsumo.metrics.drive import measure_drive
@@ -36,11 +37,18 @@ def assess(
     driven path, or of the planned path where the ego did not drive.
     """
     quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
+    moved = run if run is not None and len(run.log) > 1 else None
     planned, driven = (
-        None if poses is None else asdict(clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout))
-        for poses in (plan.path.poses if plan.path else None, run.poses if run is not None and len(run.log) > 1 else None)
+        None if poses is None else clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout)
+        for poses in (plan.path.poses if plan.path else None, moved.poses if moved else None)
     )
-    headline = driven or planned or {}
+    conduct = measure_conduct(moved, scenario.vehicle, site.layout) if moved else None
+    if moved and conduct and driven:
+        faults = faults_of(moved.outcome, conduct, driven)
+    else:
+        faults = (str(run.outcome if run else Outcome.NO_PATH),)
+    before, after = (asdict(of) if of else None for of in (planned, driven))
+    headline = after or before or {}
     return {
         "outcome": str(run.outcome if run else Outcome.NO_PATH),
         "reason": run.reason if run else f"{plan.status}: {plan.reason}",
@@ -50,15 +58,18 @@ def assess(
         "min_clearance_devices_m": headline.get("min_clearance_devices_m"),
         "min_clearance_road_edge_m": headline.get("min_clearance_road_edge_m"),
         "closed_area_share": headline.get("closed_area_share"),
-        "planned": planned,
-        "driven": driven,
+        "planned": before,
+        "driven": after,
+        "clean": not faults,
+        "faults": "; ".join(faults),
+        "conduct": asdict(conduct) if conduct else None,
         "plan_status": str(plan.status),
         "plan_speed_mps": plan.speed_mps,
         "plan_risk_m": plan.risk_m,
         "n_expansions": plan.n_expansions,
-        "drive_time_s": float(run.log["time_s"].iloc[-1] - run.log["time_s"].iloc[0]) if driven and run else None,
-        "max_cross_track_m": float(run.log["cross_track_m"].abs().max()) if driven and run else None,
-        "drive": _drive_figures(run, over_zone, scenario=scenario, site=site) if driven and run else None,
+        "drive_time_s": float(moved.log["time_s"].iloc[-1] - moved.log["time_s"].iloc[0]) if moved else None,
+        "max_cross_track_m": float(moved.log["cross_track_m"].abs().max()) if moved else None,
+        "drive": _drive_figures(moved, over_zone, scenario=scenario, site=site) if moved else None,
         "n_replans": len(run.replans) if run else 0,
         "replans": [asdict(replan) for replan in run.replans] if run else [],
         "plan_ms": plan.timings_ms["total"],

@@ -122,13 +122,13 @@ def table_row(result: MethodResult, *, lidar: LidarBaseline | None, drives: bool
     """
     figures = dict(result.figures)
     del figures["replans"]  # a table has their number alone
-    planned, driven, measured = (figures.pop(name) or {} for name in ("planned", "driven", "drive"))
+    planned, driven, measured, conduct = (figures.pop(name) or {} for name in ("planned", "driven", "drive", "conduct"))
     figures |= {f"slam_{name}": value for name, value in (lidar_figures(lidar) if lidar else {}).items()}
     figures |= {f"planned_{name}": value for name, value in planned.items()}
-    figures |= {f"driven_{name}": value for name, value in (driven | measured).items()}
+    figures |= {f"driven_{name}": value for name, value in (driven | measured | conduct).items()}
     path = result.plan.path
     if path is not None and not drives:
-        figures |= {"outcome": None, "reason": ""}
+        figures |= {"outcome": None, "reason": "", "clean": None, "faults": ""}
     return figures | {
         "path_length_m": float(path.arc_length[-1]) if path else None,
         "safe_plan": result.plan.status == PlanStatus.FOUND and _keeps_clear(planned),

@@ -37,10 +37,10 @@ def measure_drive(run: EgoRun, vehicle: VehicleGeometry, *, road: Road | None = 
     time, speed = log["time_s"].to_numpy(dtype=float), log["speed_mps"].to_numpy(dtype=float)
     step = float(np.median(np.diff(time)))
     window = max(1, round(SMOOTHING_S / step))
-    acceleration = _mean_change(speed, window=window) / step
+    acceleration = mean_change(speed, window=window) / step
     turned = np.concatenate([[0.0], np.cumsum(wrap_angle(np.diff(log["heading_rad"])))])
-    yaw_rate = _mean_change(turned, window=window) / step
-    jerk = _mean_change(acceleration, window=window) / step
+    yaw_rate = mean_change(turned, window=window) / step
+    jerk = mean_change(acceleration, window=window) / step
     conflicts = None
     if len(run.traffic):
         conflicts = conflicts_with_traffic(_ego_trace(run, vehicle), run.traffic, dt=CLOCK_S, road=road)
@@ -72,7 +72,7 @@ def _ego_trace(run: EgoRun, vehicle: VehicleGeometry) -> pd.DataFrame:
     })  # fmt: skip
 
 
-def _mean_change(values: FloatArray, *, window: int) -> FloatArray:
+def mean_change(values: FloatArray, *, window: int) -> FloatArray:
     """Mean change per step of values (n,), over `window` steps around each value; the window is cut off at both ends."""
     at = np.arange(len(values))
     after, before = np.minimum(at + (window + 1) // 2, len(values) - 1), np.maximum(at - window // 2, 0)

@@ -11,7 +11,7 @@ from wzsumo.errors import OutputError
 from wzsumo.files.result_folder import ResultFolder, read_result_folder
 from wzsumo.report.drive_player import player_data
 from wzsumo.report.page import embedded, page_template
-from wzsumo.report.tables import DASH, goal_rows, metres, outcome_in_words, percent, traffic_rows
+from wzsumo.report.tables import DASH, conduct_rows, goal_rows, metres, outcome_in_words, percent, traffic_rows
 
 CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
 NOT_RUN_NAMES = {"slam": "LiDAR SLAM baseline"}
@@ -52,6 +52,7 @@ def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
         verdict=_verdict(run.methods.get(best or "", {})),
         comparison=_comparison(run, best),
         methods=[_method_row(name, method) for name, method in run.methods.items()],
+        conduct=conduct_rows(run.methods),
         goals=goal_rows(run.methods),
         slam=_slam_facts(result.get("slam") or {}),
         not_run=[(NOT_RUN_NAMES.get(name, name), reason) for name, reason in _not_run(result).items()],
@@ -87,6 +88,7 @@ def _verdict(method: Mapping[str, Any]) -> dict[str, str]:
         "answer": "Yes" if reached else "No",
         "end": outcome_in_words(method),
         "reason": _text(method.get("reason")),
+        "faults": "" if method.get("clean") else str(method.get("faults") or ""),
     } | _quality_and_clearances(method)
 
 

@@ -11,7 +11,15 @@ from wzsumo.files.output import write_whole
 from wzsumo.report.page import embedded, page_template
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study
-from wzsumo.sweep.summary import REQUIRED_SAFE_SHARE, TRACES_FACTOR, compare, summarise, traces_needed, write_table
+from wzsumo.sweep.summary import (
+    REQUIRED_SAFE_SHARE,
+    TRACES_FACTOR,
+    clean_drives,
+    compare,
+    summarise,
+    traces_needed,
+    write_table,
+)
 from wzsumo.sweep.version import code_version
 
 MAX_CASE_ROWS = 2000  # cases on the page; results.parquet holds all
@@ -52,6 +60,19 @@ def write_sweep_report(folder: Path) -> Path:
 
 def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:
     """Sentences that answer the study's question, one per method."""
+    return _traces_and_plans(table, factors) + _clean_answers(table)
+
+
+def _clean_answers(table: pd.DataFrame) -> list[str]:
+    """One sentence per method on its drives; none where the study does not drive."""
+    return [
+        f"{row.method}: {row.n_clean} of {row.n} drives are clean, {row.n_reached} reached the goal ({row.n_seeds} seeds). "
+        f"At 95 % confidence {row.low:.1%} or more are clean, if drives were independent."
+        for row in (clean_drives(table, by=["method"]).itertuples() if table["clean"].notna().any() else ())
+    ]
+
+
+def _traces_and_plans(table: pd.DataFrame, factors: list[str]) -> list[str]:
     takes_traces = ~table["method"].map(is_baseline).astype(bool) & (TRACES_FACTOR in factors)
     lines = _traces_answers(table, factors) if takes_traces.any() else []
     if takes_traces.all():
@@ -95,6 +116,22 @@ def _tables(table: pd.DataFrame, factors: list[str]) -> list[dict[str, Any]]:
             "frame": long[[*by, "measure", "unit", "n", "mean", "median", "low", "high"]],
         }
     ]
+    if table["clean"].notna().any():
+        tables += [
+            {
+                "stem": "clean_drives",
+                "title": "Clean drives",
+                "note": "A clean drive reaches its goal within all limits of conduct. low: one-sided 95 % bound of the share, "
+                "if drives were independent; unclean_seeds: the bound above the share of seeds with a drive that is not clean.",
+                "frame": clean_drives(table, by=by),
+            },
+            {
+                "stem": "unclean_drives",
+                "title": "What the others did",
+                "note": "Each drive that is not clean, with its figures and the limits.",
+                "frame": table.loc[table["clean"].eq(False), ["case", "scenario", *by, "seed", "outcome", "faults"]],
+            },
+        ]
     methods = list(dict.fromkeys(table["method"]))
     if len(methods) > 1:
         paired = [

@@ -86,6 +86,29 @@ def outcome_in_words(figures: Mapping[str, Any], key: str = "outcome") -> str:
     return _NO_PATH_IN_WORDS.get(code, code.replace("_", " ").lower())
 
 
+def conduct_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
+    """One row per method that drove: its name, whether the drive was clean, else why not, and how it was driven."""
+    rows = []
+    for name, method in methods.items():
+        conduct = method.get("conduct")
+        if not conduct:
+            continue
+        ahead = conduct.get("min_time_gap_s")
+        rows.append({
+            "name": name,
+            "verdict": "clean" if method.get("clean") else str(method.get("faults")),
+            "stops": f"{conduct['n_unprompted_stops']} of {conduct['n_stops']}",
+            "braking": f"{conduct['braking_unprompted_mps2']:.1f} m/s²",
+            "behind": f"{conduct['braking_behind_mps2']:.1f} m/s²",
+            "jerk": f"{conduct['max_jerk_1s_mps3']:.1f} m/s³",
+            "over_line": percent(conduct["over_line_share"], decimals=1),
+            "off_middle": f"{conduct['mean_off_middle_m']:.2f} ± {conduct['sd_off_middle_m']:.2f} m",
+            "changes": f"{conduct['n_lane_changes']} ({conduct['n_needed_changes']})",
+            "time_gap": DASH if ahead is None else f"{ahead:.1f} s",
+        })  # fmt: skip
+    return rows
+
+
 def goal_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
     """One row per method with figures of its goals: its name, the quality of its map, and what the path to each goal does."""
     rows = []

@@ -49,6 +49,12 @@ MEASURED_COLUMNS = {
     "status": _text("DONE, REFUSED (the case is impossible, see reason) or FAILED (its task failed twice, see reason)"),
     "reason": _text("why the case was refused or failed, found no path or ended short of the goal; else empty"),
     "outcome": _text("how the drive ended; NO_PATH where no path was found; empty where the study does not drive"),
+    "clean": Column(
+        type=pa.bool_(),
+        unit="",
+        meaning="the drive reached its goal within all limits of conduct; empty where the study does not drive",
+    ),
+    "faults": _text("what keeps the drive from being clean, each with its figure and limit; else empty"),
     "plan_status": _text("how planning ended"),
     "safe_plan": Column(
         type=pa.bool_(),
@@ -81,6 +87,20 @@ MEASURED_COLUMNS = {
     "driven_max_braking_mps2": _number("m/s2", "drive: hardest braking of the ego"),
     "driven_max_jerk_mps3": _number("m/s3", "drive: largest jerk along the path"),
     "driven_mean_speed_mps": _number("m/s", "drive: mean speed"),
+    "driven_n_unprompted_stops": _count("drive: stops in a live lane without a queue or a stop line ahead"),
+    "driven_unprompted_stop_s": _number("s", "drive: how long these stops lasted"),
+    "driven_over_comfort_s": _number("s", "drive: time of braking harder than 2 m/s2"),
+    "driven_braking_unprompted_mps2": _number("m/s2", "drive: hardest braking that no emergency of another vehicle called for"),
+    "driven_braking_behind_mps2": _number("m/s2", "drive: hardest braking of the vehicle right behind the ego"),
+    "driven_min_time_gap_s": _number("s", "drive: least time gap behind another that had been ahead for 5 s"),
+    "driven_min_ttc_ahead_s": _number("s", "drive: least time to collision with another that had been ahead for 5 s"),
+    "driven_max_jerk_1s_mps3": _number("m/s3", "drive: largest change of the acceleration over a second"),
+    "driven_over_jerk_s": _number("s", "drive: time of a jerk above ISO 15622's limit at the speed"),
+    "driven_over_line_share": _number("1", "drive: share of the zone over a line between two open lanes"),
+    "driven_mean_off_middle_m": _number("m", "drive: mean distance from the middle of the lane in the zone"),
+    "driven_sd_off_middle_m": _number("m", "drive: standard deviation of the distance from the middle of the lane in the zone"),
+    "driven_n_lane_changes": _count("drive: lane changes"),
+    "driven_n_needed_changes": _count("drive: fewest lane changes that lead to its last lane"),
     "driven_delay_behind_s": _number(
         "s", "drive: total delay of all vehicles behind the ego, against the same traffic without the ego"
     ),

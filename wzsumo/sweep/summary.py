@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.stats import beta
 
 from wzsumo.case.methods import is_baseline
 from wzsumo.errors import InputError
@@ -63,6 +64,37 @@ def compare(table: pd.DataFrame, measure: str, *, between: str, against: object,
     above = _by_seed(others, (difference > 0).where(difference.notna()).astype(float), [between, *by])
     columns = {"n": values.notna().sum(axis=1), "difference": values.mean(axis=1), "low": low, "high": high}
     return pd.DataFrame(columns | {"share_above": above.mean(axis=1)}, index=values.index).reset_index()
+
+
+def clean_drives(table: pd.DataFrame, *, by: Sequence[str]) -> pd.DataFrame:
+    """Columns `by`, n_seeds, n, n_reached, n_clean, share, low, unclean_seeds of the drives, one row per combination of `by`.
+
+    `share` is that of the clean drives. `low` is the one-sided 95 % bound below it if every drive were independent, and
+    `unclean_seeds` the same kind of bound above the share of seeds with a drive that is not clean: drives of one seed share
+    their traffic. Source: Clopper & Pearson 1934.
+    """
+    driven = _done(table, ["clean", "outcome", *by])
+    driven = driven[driven["clean"].notna()]
+    groups = driven.groupby(list(by), sort=True) if by else [((), driven)]
+    rows = []
+    for key, group in groups:
+        clean = group["clean"].astype(bool)
+        bad_seeds = int((~clean.groupby(group["seed"]).all()).sum())
+        n, n_seeds, n_clean = len(group), group["seed"].nunique(), int(clean.sum())
+        n_reached = int((group["outcome"] == "REACHED_GOAL").sum())
+        counts = {"n_seeds": n_seeds, "n": n, "n_reached": n_reached, "n_clean": n_clean}
+        bounds = {"low": 1 - largest_share(n - n_clean, n), "unclean_seeds": largest_share(bad_seeds, n_seeds)}
+        rows.append(dict(zip(by, key, strict=True)) | counts | {"share": n_clean / n} | bounds)
+    return pd.DataFrame(rows)
+
+
+def largest_share(found: int, n: int) -> float:
+    """The one-sided 95 % upper bound of a share of which `found` of `n` independent draws are; Clopper & Pearson 1934.
+
+    >>> round(largest_share(0, 59), 3)  # the rule of three: some 3 / n
+    0.05
+    """
+    return 1.0 if found >= n else float(beta.ppf(CONFIDENCE, found + 1, n - found))
 
 
 def write_table(frame: pd.DataFrame, folder: Path, name: str) -> list[Path]:
