@@ -1,4 +1,23 @@
-"""Named errors. An `InputError` is one that the user can remedy: one line, exit code 2."""
+"""Named errors, and what they show of the input. An `InputError` is one that the user can remedy: one line, exit code 2."""
+
+import reprlib
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+MAX_SHOWN = 200  # characters of a value that a message repeats
+MAX_LINE = 4000  # characters of a whole message
+_SHOWN = reprlib.Repr()
+_SHOWN.maxlevel, _SHOWN.maxlist, _SHOWN.maxtuple, _SHOWN.maxdict = 3, 12, 12, 12
+_SHOWN.maxstring = _SHOWN.maxother = _SHOWN.maxlong = MAX_SHOWN
+# What readers raise at content that is damaged or of another kind: values, types and keys that are not there, a nesting that is
+# too deep, a PNG's broken chunk (SyntaxError), a broken stream.
+DAMAGED: tuple[type[Exception], ...] = (
+    OSError, EOFError, ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError, MemoryError,
+    SyntaxError, NotImplementedError, zlib.error, struct.error,
+)  # fmt: skip
 
 
 class InputError(Exception):
@@ -47,3 +66,64 @@ class DisplayError(InputError):
 
 class SimulationError(Exception):
     """SUMO behaved in a way that the toolkit does not handle: a fault of the toolkit, exit code 1."""
+
+
+def shown(value: object) -> str:
+    """The value as a message repeats it: its repr, cut where it is long.
+
+    >>> shown("taper")
+    "'taper'"
+    """
+    try:
+        text = _SHOWN.repr(value)
+    except ValueError:  # a whole number of more digits than Python writes out
+        text = f"a number of {value.bit_length()} bits" if isinstance(value, int) else type(value).__name__
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+
+
+def one_line(text: str, *, limit: int = MAX_LINE) -> str:
+    r"""The text on one line: runs of white space become one space, what cannot be printed (control characters) is escaped.
+
+    >>> print(one_line("lane \x1b[31m of 3"))
+    lane \x1b[31m of 3
+    """
+    words = " ".join(text[: 4 * limit].split())
+    words = "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii") for c in words)
+    return words if len(words) <= limit else f"{words[: limit - 3]}..."
+
+
+def check_file(path: Path, *, error: type[InputError], remedy: str, max_bytes: float = float("inf")) -> None:
+    """Raise `error` where the path names no regular file, or one larger than `max_bytes`.
+
+    Folders, devices and pipes are refused: reading a pipe waits for whoever writes to it.
+    """
+    try:
+        size = path.stat().st_size
+    except (OSError, ValueError) as failed:  # ValueError: a NUL in the name
+        reason = "no such file" if isinstance(failed, FileNotFoundError) else _reason(failed)
+        raise error(f"{path}: {reason}; {remedy}") from None
+    if not path.is_file():
+        raise error(f"{path}: is {'a folder' if path.is_dir() else 'no regular file'}; {remedy}")
+    if size > max_bytes:
+        raise error(f"{path}: holds {size / 1e6:.0f} MB, at most {max_bytes / 1e6:g} MB are read; {remedy}")
+
+
+@contextmanager
+def reading(path: Path, *, error: type[InputError], remedy: str, also: tuple[type[Exception], ...] = ()) -> Iterator[None]:
+    """Raise `error`, which names the file, where the block cannot read it; `also` are what its reader raises beside DAMAGED."""
+    try:
+        yield
+    except (*DAMAGED, *also) as failed:
+        raise error(f"{path}: cannot be read ({_reason(failed)}); {remedy}") from None
+
+
+def _reason(failed: BaseException) -> str:
+    """What an exception says, on one short line: a file's name or offset is left to the message around it."""
+    if isinstance(failed, RecursionError):
+        return "nested too deeply"
+    if isinstance(failed, MemoryError):
+        return "it needs more memory than there is"
+    if isinstance(failed, KeyError):
+        return f"{shown(failed.args[0] if failed.args else '')} is missing"
+    text = (failed.strerror if isinstance(failed, OSError) else None) or str(failed) or type(failed).__name__
+    return one_line(text, limit=MAX_SHOWN)

@@ -1,3 +1,4 @@
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,157 @@ def test_transparent_pixel_of_a_png_is_unknown(tmp_path: Path) -> None:
     assert read_map(path).p_occupied.tolist() == [[0, 0.5]]
 
 
+def test_scale_map_is_free_below_its_own_threshold_and_occupied_above_its_own(tmp_path: Path) -> None:
+    # p = (255 - grey) / 255: 0.2510, 0.2471, 0.5490, 0.5529
+    grid = read_map(hand_made_map(tmp_path, [[191, 192, 115, 114]], mode="scale", free_thresh=0.25, occupied_thresh=0.55))
+    assert grid.free.tolist() == [[False, True, False, False]]
+    assert (grid.p_occupied > 0.65).tolist() == [[False, False, False, True]]
+
+
+@given(free=st.floats(0, 1), occupied=st.floats(0, 1), negate=st.booleans())
+def test_cell_of_a_scale_map_is_free_where_its_file_calls_it_free_and_keeps_the_order(
+    tmp_path_factory: pytest.TempPathFactory, free: float, occupied: float, negate: bool
+) -> None:
+    free, occupied = min(free, occupied), max(free, occupied)
+    path = hand_made_map(
+        tmp_path_factory.mktemp("map"),
+        [list(range(256))],
+        mode="scale",
+        free_thresh=free,
+        occupied_thresh=occupied,
+        negate=negate,
+    )
+    p_file = np.arange(256) / 255 if negate else 1 - np.arange(256) / 255
+    grid = read_map(path)
+    assert (grid.free[0] == (p_file < free)).all()
+    assert ((grid.p_occupied[0] > 0.65) == (p_file > occupied)).all()
+    assert (np.diff(grid.p_occupied[0].astype(float)) * (1 if negate else -1) >= 0).all()
+
+
+WALL = np.array([[0, 1, 0, 0.5]])  # p(occupied) of the cells of one row: free, occupied, free, unknown
+GREY_16 = np.round(65535 * (1 - WALL)).astype(np.uint16)
+
+
+def _image_of_kind(kind: str, path: Path) -> None:
+    """The row WALL as an image of a kind."""
+    grey = np.round(255 * (1 - WALL)).astype(np.uint8)
+    if kind == "PGM of 16 bits":
+        path.write_bytes(b"P5\n4 1\n65535\n" + GREY_16.astype(">u2").tobytes())
+    elif kind == "PGM of 10 bits":
+        path.write_bytes(b"P5\n4 1\n1000\n" + np.round(1000 * (1 - WALL)).astype(">u2").tobytes())
+    elif kind == "PGM of maxval 100":
+        path.write_bytes(b"P5\n4 1\n100\n" + np.round(100 * (1 - WALL)).astype(np.uint8).tobytes())
+    elif kind == "PNG of 16 bits":
+        Image.fromarray(GREY_16).save(path, format="PNG")
+    elif kind == "palette":
+        image = Image.fromarray(np.array([[2, 0, 2, 1]], dtype=np.uint8), mode="P")
+        image.putpalette([0, 0, 0, 127, 127, 127, 255, 255, 255])
+        image.save(path, format="PNG")
+    elif kind == "palette with a transparent entry":
+        image = Image.fromarray(np.array([[2, 0, 2, 1]], dtype=np.uint8), mode="P")
+        image.putpalette([0, 0, 0, 255, 255, 255, 255, 255, 255])
+        image.save(path, format="PNG", transparency=1)
+    elif kind == "RGB whose mean is the grey":
+        rgb = np.stack([grey] * 3, axis=-1)
+        rgb[0, 3] = (28, 100, 254)  # mean 127.3; by their luminance 96
+        Image.fromarray(rgb).save(path, format="PNG")
+    else:
+        alpha = np.array([[255, 255, 255, 0]], dtype=np.uint8)
+        bands = [grey] if kind == "grey and alpha" else [grey] * 3
+        Image.fromarray(np.stack([*bands, alpha], axis=-1)).save(path, format="PNG")
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale"])
+@pytest.mark.parametrize(
+    "kind",
+    ["PGM of 16 bits", "PGM of 10 bits", "PGM of maxval 100", "PNG of 16 bits", "palette", "palette with a transparent entry",
+     "RGB whose mean is the grey", "grey and alpha", "RGB and alpha"],
+)  # fmt: skip
+def test_image_of_every_kind_is_read_on_its_own_full_scale(tmp_path: Path, kind: str, mode: str) -> None:
+    path = hand_made_map(tmp_path, [[0]], image=b"", mode=mode)
+    _image_of_kind(kind, tmp_path / "hand.pgm")
+    grid = read_map(path)
+    assert grid.free.tolist() == [[True, False, True, False]]
+    assert grid.p_occupied[0] == pytest.approx(WALL[0], abs=0.005)
+
+
+def test_transparent_grey_of_16_bits_is_unknown(tmp_path: Path) -> None:
+    path = hand_made_map(tmp_path, [[0]], image=b"", mode="scale")
+    Image.fromarray(GREY_16).save(tmp_path / "hand.pgm", format="PNG", transparency=65535)
+    assert read_map(path).p_occupied[0].tolist() == pytest.approx([0.5, 1, 0.5, 0.5], abs=0.005)
+
+
+@pytest.mark.parametrize("kind", ["floats", "whole numbers of 32 bits", "CMYK", "16 bits with white as zero"])
+def test_image_without_a_known_full_scale_is_refused(tmp_path: Path, kind: str) -> None:
+    path = hand_made_map(tmp_path, [[0]], image=b"")
+    pixels = {
+        "floats": Image.fromarray(WALL.astype(np.float32)),
+        "whole numbers of 32 bits": Image.fromarray(GREY_16.astype(np.int32)),
+        "CMYK": Image.new("CMYK", (4, 1)),
+        "16 bits with white as zero": Image.fromarray(GREY_16),
+    }[kind]
+    tags = {262: 0} if kind == "16 bits with white as zero" else {}
+    pixels.save(tmp_path / "hand.pgm", format="TIFF", tiffinfo=tags)
+    with pytest.raises(MapError, match="have no known full scale; give a PGM or PNG"):
+        read_map(path)
+
+
+def test_image_of_16_bits_in_mode_raw_is_refused(tmp_path: Path) -> None:
+    path = hand_made_map(tmp_path, [[0]], image=b"", mode="raw")
+    _image_of_kind("PNG of 16 bits", tmp_path / "hand.pgm")
+    with pytest.raises(MapError, match="mode raw is percent in 8 bits"):
+        read_map(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "negate: 'no'", "negate: 'false'", "negate: 2", "negate: [1]", "negate:", "resolution: true",
+        "resolution: 1" + "0" * 400, "resolution: 1" + "0" * 5000, "resolution: 2001-01-01", "resolution: 2001-99-99",
+        "origin: 3", "origin: {a: 1}",
+        "origin: [[1], 2, 3]", "origin: [true, 0, 0]", "origin: [1" + "0" * 400 + ", 0, 0]", "mode: [scale]", "mode: {}",
+        "free_thresh: true", "free_thresh: 0.9", "free_thresh: .nan", "image: [a]", "image: ''", "image: 3", "image: .",
+        "image: /dev/zero", "image: \"a\\0b\"", "? [a, b]\n: 1", "a: &a [1]\nb: *c", "!!python/object:os.system x",
+        "k: " + "[" * 5000 + "]" * 5000,
+    ],
+)  # fmt: skip
+def test_odd_value_in_a_map_file_is_refused_on_one_short_line(tmp_path: Path, text: str) -> None:
+    path = hand_made_map(tmp_path, SAVED_ROWS)
+    key = text.split(":", maxsplit=1)[0]
+    kept = [line for line in path.read_text().splitlines() if not line.startswith(key)]
+    if key == "origin":
+        kept = [line for line in kept if not line.startswith("- ")]
+    path.write_text("\n".join([*kept, text]))
+    with pytest.raises(MapError, match=r"hand\.yaml") as refused:
+        read_map(path)
+    assert len(str(refused.value)) < 700
+    assert "\n" not in str(refused.value)
+
+
+def test_aliases_that_stand_for_millions_of_values_are_refused_at_once(tmp_path: Path) -> None:
+    path = hand_made_map(tmp_path, SAVED_ROWS)
+    layers = "\n".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9) if n else 1}]" for n in range(12))
+    kept = path.read_text().replace("origin:\n- -10.0\n- 3.0\n- 0.0\n", "")
+    path.write_text(f"{layers}\n{kept}origin: *a11\n")
+    with pytest.raises(MapError, match="origin=") as refused:
+        read_map(path)
+    assert len(str(refused.value)) < 500
+
+
+@given(cut=st.integers(0, 200), flip=st.integers(0, 199), bit=st.integers(0, 7))
+def test_damaged_png_is_read_or_refused_and_never_breaks(
+    tmp_path_factory: pytest.TempPathFactory, cut: int, flip: int, bit: int
+) -> None:
+    folder = tmp_path_factory.mktemp("map")
+    path = hand_made_map(folder, SAVED_ROWS)
+    Image.fromarray(np.arange(600, dtype=np.uint8).reshape(20, 30)).save(folder / "hand.pgm", format="PNG")
+    content = bytearray((folder / "hand.pgm").read_bytes())
+    content[flip % len(content)] ^= 1 << bit
+    (folder / "hand.pgm").write_bytes(bytes(content[: len(content) - cut]))
+    with suppress(MapError):
+        read_map(path)
+
+
 def changed_map(folder: Path, changes: dict[str, object]) -> Path:
     """A map of map_saver with other keys, or with other content of its image."""
     image = changes.get("image")
@@ -122,7 +274,7 @@ def test_ros_map_that_cannot_be_is_refused_with_the_rule(tmp_path: Path, changes
 def test_missing_map_image_is_refused_with_its_path(tmp_path: Path) -> None:
     path = hand_made_map(tmp_path, SAVED_ROWS)
     (tmp_path / "hand.pgm").unlink()
-    with pytest.raises(MapError, match=r"hand\.pgm does not exist"):
+    with pytest.raises(MapError, match=r"hand\.yaml: image .*hand\.pgm: no such file"):
         read_map(path)
 
 
@@ -134,7 +286,7 @@ def test_missing_map_file_is_refused_with_its_path(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["just words", "a: [1", ""])
 def test_yaml_that_is_no_map_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "bad.yaml").write_text(text)
-    with pytest.raises(MapError, match="not a ROS map YAML file"):
+    with pytest.raises(MapError, match="name the YAML file of a ROS map"):
         read_map(tmp_path / "bad.yaml")
 
 

@@ -1,18 +1,21 @@
 """Reads and writes an OccupancyGrid as the files of ROS map_server: a YAML file and its image."""
 
-import warnings
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import yaml
 from PIL import Image
 
-from wzsumo.errors import MapError
+from wzsumo.errors import MapError, check_file, reading, shown
+from wzsumo.files.map_image import MapImage, read_map_image
+from wzsumo.frames import FloatArray
 from wzsumo.grid import FREE_THRESHOLD, OCCUPIED_THRESHOLD, UNKNOWN, OccupancyGrid
 
 _DEFAULT_THRESHOLDS = {"occupied_thresh": OCCUPIED_THRESHOLD, "free_thresh": FREE_THRESHOLD}
+_MAX_METADATA_BYTES = 1e6
+_WANTED = "name the YAML file of a ROS map, with the keys image, resolution and origin"
 
 
 def write_map(grid: OccupancyGrid, folder: Path | str, *, name: str = "map") -> Path:
@@ -42,78 +45,97 @@ def write_map(grid: OccupancyGrid, folder: Path | str, *, name: str = "map") -> 
 def read_map(path: Path | str) -> OccupancyGrid:
     """The map of a ROS map_server YAML file (modes trinary, scale, raw) and its image.
 
-    A trinary map becomes 0, 0.5 (unknown) and 1 by the file's own thresholds. Raises MapError where the two files do not
-    fit together. Source: ROS map_server documentation, "Value Interpretation".
+    A trinary map becomes 0, 0.5 (unknown) and 1 by the file's own thresholds. The probabilities of a map in mode scale are
+    stretched so that its thresholds become those of `grid`: a cell is free here where the file calls it free.
+    Raises MapError where the two files do not fit together. Source: ROS map_server documentation, "Value Interpretation".
     """
     path = Path(path)
     metadata = _read_metadata(path)
-    image = _read_image(path, metadata)
-    grey, alpha = (image[..., 0], image[..., 1]) if image.ndim == 3 else (image, None)
-    mode = metadata.get("mode", "trinary")
-    if mode == "raw":  # occupancy in percent; values above 100 are unknown
-        p = np.where(grey <= 100, grey / 100.0, UNKNOWN)
-    else:
-        p = grey / 255.0 if metadata.get("negate", 0) else (255.0 - grey) / 255.0
-        if mode == "trinary":
-            occupied, free = p > metadata["occupied_thresh"], p < metadata["free_thresh"]
-            p = np.where(occupied, 1.0, np.where(free, 0.0, UNKNOWN))
-        if alpha is not None:
-            p = np.where(alpha < 255, UNKNOWN, p)
-    x, y = metadata["origin"][:2]
-    return OccupancyGrid(
-        p_occupied=p[::-1].astype(np.float32), resolution=float(metadata["resolution"]), origin=(float(x), float(y))
+    image_path = path.parent / str(metadata["image"])
+    try:
+        image = read_map_image(image_path)
+    except MapError as error:
+        raise MapError(f"{path}: image {error}") from None
+    for key, size in (("width", image.levels.shape[1]), ("height", image.levels.shape[0])):
+        if key in metadata and metadata[key] != size:
+            raise MapError(f"{path}: {key}={shown(metadata[key])} but the image {image_path} has {size}; they must agree")
+    p = _p_of_levels(image, metadata, path).astype(np.float32)[image.levels]
+    if image.opaque is not None and metadata["mode"] != "raw":
+        p[~image.opaque] = UNKNOWN
+    return OccupancyGrid(p_occupied=p[::-1], resolution=metadata["resolution"], origin=metadata["origin"])
+
+
+def _p_of_levels(image: MapImage, metadata: dict[str, Any], path: Path) -> FloatArray:
+    """The p(occupied) (full + 1,) that each level of the image stands for."""
+    share = np.arange(image.full + 1) / image.full
+    if metadata["mode"] == "raw":  # occupancy in percent; values above 100 are unknown
+        if image.full > 3 * 255:
+            raise MapError(f"{path}: mode raw is percent in 8 bits, the image has 16; give an image of 8 bits, or mode scale")
+        percent = np.round(255 * share)
+        return np.where(percent <= 100, percent / 100, UNKNOWN)
+    occupied = share if metadata["negate"] else 1 - share
+    is_free, is_occupied = occupied < metadata["free_thresh"], occupied > metadata["occupied_thresh"]
+    if metadata["mode"] == "trinary":
+        return np.where(is_occupied, 1.0, np.where(is_free, 0.0, UNKNOWN))
+    stretched = np.interp(
+        occupied, [0, metadata["free_thresh"], metadata["occupied_thresh"], 1], [0, FREE_THRESHOLD, OCCUPIED_THRESHOLD, 1]
     )
+    free_most = float(np.nextafter(np.float32(FREE_THRESHOLD), np.float32(0)))  # rounding must not take a cell over a threshold
+    occupied_least = float(np.nextafter(np.float32(OCCUPIED_THRESHOLD), np.float32(1)))
+    stretched = np.where(is_free, np.minimum(stretched, free_most), np.maximum(stretched, FREE_THRESHOLD))
+    return np.where(is_occupied, np.maximum(stretched, occupied_least), np.minimum(stretched, OCCUPIED_THRESHOLD))
 
 
 def _read_metadata(path: Path) -> dict[str, Any]:
-    try:
-        metadata = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MapError(f"{path}: no such file; name the YAML file of a ROS map") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise MapError(f"{path}: not a ROS map YAML file ({str(error).splitlines()[0]})") from None
-    if not isinstance(metadata, dict):
-        raise MapError(f"{path}: not a ROS map YAML file; it needs the keys image, resolution, origin")
-    missing = [key for key in ("image", "resolution", "origin") if key not in metadata]
+    """image, mode, resolution, origin (x, y), negate and thresholds; width and height where the file has them."""
+    check_file(path, error=MapError, remedy=_WANTED, max_bytes=_MAX_METADATA_BYTES)
+    with reading(path, error=MapError, remedy=_WANTED, also=(yaml.YAMLError,)):
+        given = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
+    if not isinstance(given, dict):
+        raise MapError(f"{path}: not a ROS map YAML file; {_WANTED}")
+    missing = [key for key in ("image", "resolution", "origin") if key not in given]
     if missing:
         raise MapError(f"{path}: {', '.join(missing)} missing; a ROS map needs image, resolution, origin")
-    if not isinstance(metadata["resolution"], int | float) or not metadata["resolution"] > 0:
-        raise MapError(f"{path}: resolution={metadata['resolution']!r} must be a cell edge in metres above 0")
-    origin = metadata["origin"]
-    numbers = isinstance(origin, list) and len(origin) >= 2 and all(isinstance(v, int | float) for v in origin)
-    if not numbers or not np.isfinite(origin).all():
-        raise MapError(f"{path}: origin={origin!r} must be [x, y, yaw] of the lower-left pixel in metres and radians")
+    resolution = _number(given["resolution"])
+    if resolution is None or resolution <= 0:
+        raise MapError(f"{path}: resolution={shown(given['resolution'])} must be a cell edge in metres above 0")
+    origin = [_number(value) for value in given["origin"][:3]] if isinstance(given["origin"], list) else []
+    if len(origin) < 2 or None in origin:
+        raise MapError(
+            f"{path}: origin={shown(given['origin'])} must be [x, y, yaw] of the lower-left pixel in metres and radians"
+        )
     if len(origin) > 2 and origin[2] != 0:
         raise MapError(f"{path}: origin yaw {origin[2]} rad: rotated maps are not read; rotate the image and set yaw to 0")
-    if metadata.get("mode", "trinary") not in {"trinary", "scale", "raw"}:
-        raise MapError(f"{path}: mode={metadata['mode']!r} must be trinary, scale or raw")
-    return metadata | _thresholds(path, metadata)
+    mode, negate = given.get("mode", "trinary"), given.get("negate", 0)
+    if mode not in ("trinary", "scale", "raw"):
+        raise MapError(f"{path}: mode={shown(mode)} must be trinary, scale or raw")
+    if negate not in (0, 1):
+        raise MapError(f"{path}: negate={shown(negate)} must be 0 or 1, without quotes: whether white is occupied")
+    if not isinstance(given["image"], str) or not given["image"]:
+        raise MapError(f"{path}: image={shown(given['image'])} must be the name of an image file")
+    checked = {"mode": mode, "negate": negate, "resolution": resolution, "origin": tuple(origin[:2])}
+    return given | checked | _thresholds(path, given)
 
 
 def _thresholds(path: Path, metadata: dict[str, Any]) -> dict[str, float]:
     given = {key: metadata.get(key, default) for key, default in _DEFAULT_THRESHOLDS.items()}
     for key, value in given.items():
-        if not isinstance(value, int | float) or not 0 <= value <= 1:
-            raise MapError(f"{path}: {key}={value!r} must be a probability in [0, 1]")
+        number = _number(value)
+        if number is None or not 0 <= number <= 1:
+            raise MapError(f"{path}: {key}={shown(value)} must be a probability in [0, 1]")
+    if given["free_thresh"] > given["occupied_thresh"]:
+        raise MapError(
+            f"{path}: free_thresh={given['free_thresh']} must be at most occupied_thresh={given['occupied_thresh']}; "
+            "between the two a cell is unknown"
+        )
     return given
 
 
-def _read_image(path: Path, metadata: dict[str, Any]) -> npt.NDArray[np.uint8]:
-    image_path = path.parent / str(metadata["image"])
+def _number(value: object) -> float | None:
+    """The value where it is a finite number, else None: YAML has truth values, texts, dates and numbers without bound too."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
     try:
-        # Pillow checks the size before it reads a pixel, and warns of images that it takes for decompression bombs.
-        with warnings.catch_warnings(category=Image.DecompressionBombWarning, action="error"), Image.open(image_path) as image:
-            pixels = np.asarray(image.convert("LA" if "A" in image.getbands() else "L"))
-    except FileNotFoundError:
-        raise MapError(f"{path}: image {image_path} does not exist; put it beside the YAML file") from None
-    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
-        raise MapError(
-            f"{path}: image {image_path} has more than {Image.MAX_IMAGE_PIXELS} pixels; crop it to the road or use a coarser "
-            "resolution"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise MapError(f"{path}: image {image_path} cannot be read ({error}); a complete PGM or PNG is needed") from None
-    for key, size in (("width", pixels.shape[1]), ("height", pixels.shape[0])):
-        if key in metadata and metadata[key] != size:
-            raise MapError(f"{path}: {key}={metadata[key]} but the image {image_path} has {size}; they must agree")
-    return pixels
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:
+        return None
