@@ -13,7 +13,7 @@ from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.errors import InputError
 from wzsumo.figures.layout_figure import draw_zone
 from wzsumo.files.layout import layout_geojson
-from wzsumo.files.output import staged_folder
+from wzsumo.files.output import save_figure, staged_folder
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.files.traces import fixes_from
 from wzsumo.grid import OccupancyGrid
@@ -24,7 +24,7 @@ from wzsumo.placement.placement import place_zone, write_placement
 from wzsumo.placement.zone_file import ZoneToPlace
 from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.report.report import write_report
+from wzsumo.report.report import PAGE, write_report
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.simulation.connection import refuse_without_display
 from wzsumo.vehicle import VehicleGeometry
@@ -51,7 +51,7 @@ def run_case(
     chosen = chosen_methods(methods, scenario)
     if in_window:
         refuse_without_display()
-    with staged_folder(Path(out)) as stage:
+    with staged_folder(Path(out), files=("result.json", "layout.geojson", "traces.parquet", PAGE)) as stage:
         sumo_folder = stage / "sumo"
         sumo_folder.mkdir()
         watch = Watch(progress=progress, in_window=in_window)
@@ -123,10 +123,10 @@ def place(
         configuration = Configuration.of_files(Path(net), map(Path, routes), map(Path, additionals))
     edge, position = at or edge_near(network, *(at_latlon or (0.0, 0.0)))
     placed = place_zone(network, to_place, edge_id=edge, position=position, side=lane_side)
-    with staged_folder(Path(out)) as stage:
+    with staged_folder(Path(out), files=("changes.json", "layout.geojson", "layout.png")) as stage:
         report = write_placement(placed, configuration, stage)
         drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(placed.layout))
-        draw_zone(drawing).savefig(stage / "layout.png")
+        save_figure(draw_zone(drawing), stage / "layout.png")
     return report
 
 

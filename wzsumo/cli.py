@@ -1,15 +1,23 @@
-"""The command line. Exit codes: 0 done, 1 a fault of the toolkit, 2 bad input, 130 interrupted."""
+"""The command line.
+
+Exit codes: 0 done; 1 a fault of the toolkit; 2 bad input; 128 + the number of the signal that ended it, as other programs have
+it: 130 interrupted (SIGINT), 143 terminated (SIGTERM), 129 (SIGHUP), 141 where nobody reads what it prints (SIGPIPE).
+"""
 
 import argparse
 import json
 import os
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
+from io import TextIOWrapper
+from types import FrameType
 from typing import Any, NoReturn
 
 from wzsumo import __version__
-from wzsumo.errors import InputError
+from wzsumo.errors import InputError, one_line
 
 # One thread per library: matrices here are small, and more threads make the fits slower.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -41,32 +49,92 @@ COMMANDS = {
 }
 
 
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal that ends the command, so that what is half-written is deleted as at Ctrl-C."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser that tells a mistake in one line, as all bad input is told."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with 2."""
+        self.exit(2, f"wzsumo: {one_line(message, limit=1000)}; see {self.prog} --help\n")
+
+
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Run one command and exit."""
     words = list(sys.argv[1:] if argv is None else argv)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal may know ASCII alone, and names of files may be no UTF-8
+    try:
+        with _ended_by_signals():
+            _run(words)
+    except InputError as error:
+        print(f"wzsumo: {one_line(str(error))}", file=sys.stderr)
+        sys.exit(2)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is still to be flushed at the end
+        sys.exit(128 + signal.SIGPIPE)
+    except KeyboardInterrupt as stop:
+        number = stop.number if isinstance(stop, Stopped) else signal.SIGINT
+        print("wzsumo: interrupted; what was finished is kept, nothing is half-written", file=sys.stderr)
+        sys.exit(128 + number)
+    sys.exit(0)
+
+
+def _run(words: list[str]) -> None:
+    """Run the command that the words name, and print its figures."""
     parser = _parser(words)
     if words and words[0] in COMMANDS:
         words = getattr(import_module(f"wzsumo.commands.{words[0]}"), "prepared", list)(words)
     args = parser.parse_args(words)
     command = import_module(f"wzsumo.commands.{args.command}")
-    try:
-        figures = command.run(args)
-    except InputError as error:
-        print(f"wzsumo: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("wzsumo: interrupted; what was finished is kept, nothing is half-written", file=sys.stderr)
-        sys.exit(130)
+    figures = command.run(args)
     if args.json:
         print(json.dumps(figures))
     else:
         getattr(command, "tell", _tell)(figures, args)
-    sys.exit(0)
+    sys.stdout.flush()
+    if reason := getattr(command, "failure", _none)(figures):
+        print(f"wzsumo: {one_line(reason)}", file=sys.stderr)
+        sys.exit(1)
 
 
-def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+def _none(_figures: dict[str, Any]) -> str:
+    return ""
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Raise Stopped in the block at the first signal that ends a program; later ones do not disturb the cleaning up."""
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        for each in handled:
+            signal.signal(each, signal.SIG_IGN)
+        raise Stopped(number)
+
+    before = {each: signal.getsignal(each) for each in ENDING_SIGNALS}
+    handled = [each for each, handler in before.items() if handler != signal.SIG_IGN]  # nohup has SIGHUP ignored
+    for each in handled:
+        signal.signal(each, stop)
+    try:
+        yield
+    finally:
+        for each in handled:
+            signal.signal(each, before[each])
+
+
+def _parser(words: Sequence[str]) -> OneLineParser:
     """The parser for these words. It imports only the commands among them, since some modules load slowly."""
-    parser = argparse.ArgumentParser(prog="wzsumo", description=ABOUT, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = OneLineParser(prog="wzsumo", description=ABOUT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action="version", version=f"wzsumo {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, about in COMMANDS.items():
@@ -81,4 +149,4 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 def _tell(figures: dict[str, Any], _args: argparse.Namespace) -> None:
     for key, value in figures.items():
-        print(f"{key}: {round(value, 3) if isinstance(value, float) else value}")
+        print(f"{key}: {round(value, 3) if isinstance(value, float) else one_line(str(value), limit=100_000)}")

@@ -9,6 +9,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from wzsumo.errors import SpecError
 
+MAX_SEED = 2**31 - 1  # SUMO reads its seed as a signed whole number of 32 bits, and drops a larger one
+
 SpecT = TypeVar("SpecT", bound="Spec")
 
 

@@ -1,3 +1,7 @@
+import resource
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import pyarrow as pa
@@ -5,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from wzsumo.errors import OutputError
-from wzsumo.files.output import parquet_bytes, staged_folder, write_whole
+from wzsumo.files.output import parquet_bytes, staged_file, staged_folder, write_whole
 
 
 class StoppedError(Exception):
@@ -57,7 +61,7 @@ def test_written_file_is_whole_and_nothing_else_is_left(tmp_path: Path) -> None:
 
 def test_file_that_cannot_be_written_stays_as_it_was(tmp_path: Path) -> None:
     (tmp_path / "a.bin").mkdir()
-    with pytest.raises(OutputError, match="cannot be written"):
+    with pytest.raises(OutputError, match=r"a\.bin: is a folder where a file goes"):
         write_whole(tmp_path / "a.bin", b"content")
     assert [path.name for path in tmp_path.iterdir()] == ["a.bin"]
 
@@ -71,3 +75,98 @@ def test_parquet_file_has_a_checksum_on_its_pages(tmp_path: Path) -> None:
     (tmp_path / "broken.parquet").write_bytes(bytes(broken))
     with pytest.raises(OSError, match="CRC checksum"):
         pq.read_table(tmp_path / "broken.parquet", page_checksum_verification=True)
+
+
+def write(out: Path, content: dict[str, bytes], *, told: Sequence[str] = (), worked: list[bool] | None = None) -> None:
+    """Write files, or folders and files below them, through a stage."""
+    with staged_folder(out, files=told) as stage:
+        if worked is not None:
+            worked.append(True)
+        for name, data in content.items():
+            (stage / name).parent.mkdir(exist_ok=True)
+            (stage / name).write_bytes(data)
+
+
+@contextmanager
+def files_limited_to(n_bytes: int) -> Iterator[None]:
+    """A limit on the size of files is the full disk that a test can have: the system refuses the write."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_disk_that_fills_up_changes_nothing_and_is_named(tmp_path: Path) -> None:
+    (tmp_path / "map.txt").write_text("old")
+    with files_limited_to(1000), pytest.raises(OutputError, match="a file would be too large; nothing was changed there"):
+        write(tmp_path, {"map.txt": b"new", "figure.png": b"0" * 2000})
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("map.txt", "old")]
+
+
+@pytest.mark.parametrize("in_the_way", ["map.yaml", "maps"])
+def test_folder_where_a_file_goes_or_file_where_a_folder_goes_is_refused_and_nothing_is_moved(
+    tmp_path: Path, in_the_way: str
+) -> None:
+    """The name of one is told beforehand, that of the other is not."""
+    (tmp_path / "a.txt").write_text("old")
+    (tmp_path / "map.yaml").mkdir() if in_the_way == "map.yaml" else (tmp_path / "maps").write_text("a file")
+    worked: list[bool] = []
+    with pytest.raises(OutputError, match=f"{in_the_way}: is a f"):
+        write(tmp_path, {"a.txt": b"new", "maps/swept.yaml": b"new"}, told=("map.yaml",), worked=worked)
+    assert worked == ([] if in_the_way == "map.yaml" else [True])
+    assert (tmp_path / "a.txt").read_text() == "old"
+    assert {path.name for path in tmp_path.iterdir()} == {"a.txt", in_the_way}
+
+
+def test_link_to_a_file_is_replaced_and_the_file_that_it_names_stays(tmp_path: Path) -> None:
+    (tmp_path / "precious.txt").write_text("precious")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "map.txt").symlink_to(tmp_path / "precious.txt")
+    with staged_folder(out) as stage:
+        (stage / "map.txt").write_text("new")
+    assert (tmp_path / "precious.txt").read_text() == "precious"
+    assert not (out / "map.txt").is_symlink()
+    assert (out / "map.txt").read_text() == "new"
+
+
+def test_link_to_a_folder_is_not_written_through(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "maps").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="maps: is a link where a folder goes"):
+        write(out, {"maps/swept.yaml": b"map"})
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_interrupt_while_files_are_moved_comes_after_the_last_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace = Path.replace
+
+    def interrupted(self: Path, target: Path) -> Path:
+        signal.raise_signal(signal.SIGINT)
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write(tmp_path, {"a": b"a", "b": b"b", "c": b"c"})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "/", "a" * 300, "a/" + "b" * 300, "nul\0byte", "file/below", "folder"])
+def test_output_file_that_cannot_be_is_refused_before_the_work(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").write_text("a file")
+    (tmp_path / "folder").mkdir()
+    worked = []
+    with pytest.raises(OutputError), staged_file(tmp_path / name if name not in {"", "."} else Path(name)) as staged:
+        worked.append(staged)
+    assert worked == []
+    assert {path.name for path in tmp_path.iterdir()} == {"file", "folder"}
+
+
+def test_folders_made_for_a_result_that_does_not_come_are_removed_again(tmp_path: Path) -> None:
+    with pytest.raises(StoppedError), staged_folder(tmp_path / "a" / "b" / "c"):
+        raise StoppedError
+    assert not list(tmp_path.iterdir())

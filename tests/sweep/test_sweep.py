@@ -153,11 +153,37 @@ def test_fleets_beyond_the_limit_go_and_finished_cases_stay(tmp_path: Path) -> N
     assert len(read_results(tmp_path)) == 4
 
 
-def test_files_that_a_kill_left_half_written_are_cleared_away(tmp_path: Path) -> None:
+def test_what_a_kill_left_half_written_is_cleared_away_and_nothing_else(tmp_path: Path) -> None:
+    """A killed `wzsumo run --case` leaves its folder below cases/, to which other results belong."""
     sweep(a_study(seed=[1]), tmp_path)
-    (tmp_path / "batches" / ".unfinished-123-x.parquet").write_bytes(b"half")
-    sweep(a_study(seed=[1]), tmp_path)
-    assert not list(tmp_path.rglob(".unfinished-*"))
+    left = [tmp_path / "batches" / f".wzsumo-unfinished-{1:016x}", tmp_path / f".wzsumo-unfinished-{2:016x}"]
+    of_case = tmp_path / "cases" / "abc" / f".wzsumo-unfinished-{3:016x}"
+    for folder in (*left, of_case, tmp_path / ".unfinished-thesis"):
+        folder.mkdir(parents=True)
+        (folder / "half").write_text("half")
+    (tmp_path / "batches" / ".unfinished-mine.txt").write_text("mine")
+    summary, _ = sweep(a_study(seed=[1, 2]), tmp_path)
+    assert (summary.n_found, summary.n_done) == (1, 2)
+    assert not any(folder.exists() for folder in left)
+    assert (of_case / "half").exists()  # the next run of that case removes it
+    assert (tmp_path / ".unfinished-thesis" / "half").exists()
+    assert (tmp_path / "batches" / ".unfinished-mine.txt").exists()
+
+
+@pytest.mark.parametrize("name", ["batches", "simulations", ".lock", "study.json"])
+def test_link_in_a_studys_folder_is_not_written_through(tmp_path: Path, name: str) -> None:
+    (tmp_path / "out").mkdir()
+    target = tmp_path / "elsewhere"
+    target.mkdir() if name in {"batches", "simulations"} else target.write_text("precious")
+    (tmp_path / "out" / name).symlink_to(target)
+    if name == "study.json":  # it is read as the manifest of the folder
+        target.unlink()
+        sweep(a_study(seed=[1]), tmp_path / "out")
+        assert not target.exists()
+        return
+    with pytest.raises(OutputError, match=r"link|symbolic"):
+        sweep(a_study(seed=[1]), tmp_path / "out")
+    assert list(target.iterdir()) == [] if target.is_dir() else target.read_text() == "precious"
 
 
 def test_interrupt_keeps_what_was_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,11 +249,11 @@ def test_full_disk_is_named_and_costs_only_what_could_not_be_written(tmp_path: P
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (3000, hard))
     try:
-        with pytest.raises(OutputError, match=r"cannot be written \(File too large\); make room"):
+        with pytest.raises(OutputError, match="a file would be too large; nothing was changed there: make room"):
             sweep(a_study(seed=[1, 2]), tmp_path)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert not list(tmp_path.rglob(".unfinished-*"))
+    assert not list(tmp_path.rglob(".wzsumo-unfinished-*"))
     summary, _ = sweep(a_study(seed=[1, 2]), tmp_path)
     assert (summary.n_found, summary.n_done) == (1, 2)
 

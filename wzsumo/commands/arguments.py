@@ -1,9 +1,14 @@
 """Types of command-line arguments. argparse prints the reason for which they refuse a value."""
 
 import argparse
+import math
 from pathlib import Path
 
-from wzsumo.errors import SpecError
+from wzsumo.errors import SpecError, shown
+from wzsumo.spec import MAX_SEED
+
+MAX_COUNT = 1000  # of processes on one machine
+MAX_DIGITS = 18
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
@@ -49,29 +54,31 @@ def compass_bearing(text: str) -> float:
         return 22.5 * points.index(text.upper())
     bearing = number(text)
     if not 0 <= bearing < 360:
-        raise argparse.ArgumentTypeError(f"{text!r} must be a compass point (N, NE, ...) or degrees from 0 to below 360")
+        raise argparse.ArgumentTypeError(f"{shown(text)} must be a compass point (N, NE, ...) or degrees from 0 to below 360")
     return bearing
 
 
 def seed(text: str) -> int:
-    """The seed of a text: a whole number of 0 or more."""
-    if not text.isdigit():
-        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of 0 or more")
-    return int(text)
+    """The seed of a text: a whole number that SUMO takes as one."""
+    value = _whole_number(text)
+    if value is None or value > MAX_SEED:
+        raise argparse.ArgumentTypeError(f"{shown(text)} must be a whole number from 0 to {MAX_SEED}")
+    return value
 
 
 def count(text: str) -> int:
     """The number of things of a text: a whole number of 1 or more."""
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} must be a whole number of 1 or more")
-    return int(text)
+    value = _whole_number(text)
+    if value is None or not 1 <= value <= MAX_COUNT:
+        raise argparse.ArgumentTypeError(f"{shown(text)} must be a whole number from 1 to {MAX_COUNT}")
+    return value
 
 
 def cell_edge_m(text: str) -> float:
     """The cell edge [m] of a text: above 0 and at most 10 m."""
     value = number(text)
     if not 0 < value <= 10:
-        raise argparse.ArgumentTypeError(f"{text!r} must be above 0 and at most 10")
+        raise argparse.ArgumentTypeError(f"{shown(text)} must be above 0 and at most 10")
     return value
 
 
@@ -79,13 +86,20 @@ def speed_mps(text: str) -> float:
     """The speed [m/s] of a text: 0 to 60 m/s."""
     value = number(text)
     if not 0 <= value <= 60:
-        raise argparse.ArgumentTypeError(f"{text!r} must be 0 to 60 m/s")
+        raise argparse.ArgumentTypeError(f"{shown(text)} must be 0 to 60 m/s")
     return value
 
 
 def number(text: str) -> float:
-    """The number of a text."""
+    """The number of a text; infinite ones and nan are none."""
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{shown(text)} is not a number")
+    return value
+
+
+def _whole_number(text: str) -> int | None:
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= MAX_DIGITS else None

@@ -1,6 +1,7 @@
 """The command `ground`: the ground points of a point cloud by SMRF."""
 
 import argparse
+import io
 import time
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,8 @@ import numpy as np
 from wzsumo.commands.arguments import number
 from wzsumo.errors import CloudError, OutputError
 from wzsumo.files.cloud import MIN_SURFACE_POINTS, read_cloud
-from wzsumo.files.output import staged_folder
+from wzsumo.files.output import staged_file
+from wzsumo.frames import BoolArray
 from wzsumo.lidar_mapping import smrf
 from wzsumo.lidar_mapping.smrf import SmrfSpec
 from wzsumo.spec import parse_spec
@@ -42,16 +44,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     spec = parse_spec(SmrfSpec, _options_given(args), source="ground")
     if out.suffix != ".npy":
         raise OutputError(f"--out {out}: labels are written as a numpy array; name a file that ends in .npy")
-    points = read_cloud(cloud, at_least=MIN_SURFACE_POINTS)
-    smrf.compile_kernels()
-    began = time.perf_counter()
-    try:
-        ground = smrf.ground_mask(points, spec)
-    except CloudError as error:
-        raise type(error)(f"{cloud}: {str(error).removeprefix('cloud: ')}") from None
-    took_ms = 1000 * (time.perf_counter() - began)
-    with staged_folder(out.parent) as stage:
-        np.save(stage / out.name, ground.astype(np.uint8))
+    with staged_file(out) as staged:
+        ground, took_ms = _labelled(cloud, spec)
+        buffer = io.BytesIO()  # numpy's own writing to a file does not say why it fails
+        np.save(buffer, ground.astype(np.uint8))
+        staged.write_bytes(buffer.getvalue())
     return {
         "labels": str(out),
         "n_points": len(ground),
@@ -60,6 +57,19 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "parameters": spec.model_dump(),
         "ground_ms": took_ms,
     }
+
+
+def _labelled(cloud: Path, spec: SmrfSpec) -> tuple[BoolArray, float]:
+    """(which points of a cloud are ground, the time [ms] that it took)."""
+    points = read_cloud(cloud, at_least=MIN_SURFACE_POINTS)
+    smrf.compile_kernels()
+    began = time.perf_counter()
+    try:
+        ground = smrf.ground_mask(points, spec)
+    except CloudError as error:
+        raise type(error)(f"{cloud}: {str(error).removeprefix('cloud: ')}") from None
+    took_ms = 1000 * (time.perf_counter() - began)
+    return ground, took_ms
 
 
 def _options_given(args: argparse.Namespace) -> dict[str, float]:

@@ -7,7 +7,7 @@ from wzsumo.commands.arguments import add_out_folder, add_scenario
 from wzsumo.figures.layout_figure import draw_zone
 from wzsumo.files.lanes import LanesFile, write_lanes
 from wzsumo.files.layout import layout_geojson, write_layout
-from wzsumo.files.output import staged_folder
+from wzsumo.files.output import save_figure, staged_folder
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.mutcd.laid_out_lanes import laid_out_lanes
 from wzsumo.scenario.scenario import load_scenario
@@ -23,11 +23,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     """Lengths and areas of the zone, after writing layout.geojson, lanes.geojson for `export`, devices.csv and layout.png."""
     scenario = load_scenario(args.scenario)
     layout = scenario.layout()
-    with staged_folder(args.out) as stage:
+    with staged_folder(args.out, files=("layout.geojson", "lanes.geojson", "devices.csv", "layout.png")) as stage:
         write_layout(layout, stage, frame=scenario.road.frame)
         write_lanes(LanesFile(lanes=laid_out_lanes(layout), frame=scenario.road.frame), stage)
         drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(layout))
-        draw_zone(drawing).savefig(stage / "layout.png")
+        save_figure(draw_zone(drawing), stage / "layout.png")
     return {
         "areas_m": {area.name: round(area.length, 3) for area in layout.areas},
         "start_m": layout.start,

@@ -18,6 +18,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """The edges of a scenario's network with their numbers of lanes, after writing its SUMO files."""
     spec = load_scenario(args.scenario)
-    with staged_folder(args.out) as stage:
+    with staged_folder(args.out, files=("zone.net.xml", "zone.rou.xml", "zone.sumocfg")) as stage:
         files = write_sumo_files(spec.layout(), stage, spec=spec.zone_simulation(), seed=spec.seed)
     return {"config": str(args.out / files.config.name), "edges": {edge.id: len(edge.through_lanes) for edge in files.edges}}

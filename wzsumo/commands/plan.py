@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from wzsumo.commands.arguments import speed_mps
-from wzsumo.errors import MapError
-from wzsumo.files.output import staged_folder
+from wzsumo.commands.arguments import number, speed_mps
+from wzsumo.files.output import staged_file
 from wzsumo.files.ros_map import read_map
 from wzsumo.grid import FREE_THRESHOLD
 from wzsumo.planning.plan import load_kernels, plan_path
@@ -21,23 +20,21 @@ MORE = "Poses are of the centre of the REAR AXLE: X Y in metres of the map's fra
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
     parser.add_argument("map", type=Path, metavar="MAP.yaml")
-    parser.add_argument("--start", type=float, nargs=3, required=True, metavar=("X", "Y", "DEG"))
-    parser.add_argument("--goal", type=float, nargs=3, required=True, metavar=("X", "Y", "DEG"))
+    parser.add_argument("--start", type=number, nargs=3, required=True, metavar=("X", "Y", "DEG"))
+    parser.add_argument("--goal", type=number, nargs=3, required=True, metavar=("X", "Y", "DEG"))
     parser.add_argument("--out", type=Path, required=True, metavar="PATH.csv")
     parser.add_argument("--speed-mps", type=speed_mps, default=10.0, help="limits the curvature: v^2 k <= 2 m/s2 (default 10)")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Status, clearance and times of a plan on a ROS map, after writing its path; nothing is written where there is no path."""
-    grid = read_map(args.map)
-    if not (np.isfinite(args.start).all() and np.isfinite(args.goal).all()):
-        raise MapError(f"--start {args.start} and --goal {args.goal} must be finite numbers X Y DEG")
     spec = PlannerSpec(planned_speed_mps=args.speed_mps, max_p_occupied=FREE_THRESHOLD)
-    load_kernels()  # before the clock of planning starts
-    plan = plan_path(grid, start=_pose(args.start), goal=_pose(args.goal), vehicle=VehicleGeometry(), spec=spec)
-    if plan.path is not None:
-        with staged_folder(args.out.parent) as stage:
-            plan.path.to_csv(stage / args.out.name)
+    with staged_file(args.out) as staged:
+        grid = read_map(args.map)
+        load_kernels()  # before the clock of planning starts
+        plan = plan_path(grid, start=_pose(args.start), goal=_pose(args.goal), vehicle=VehicleGeometry(), spec=spec)
+        if plan.path is not None:
+            plan.path.to_csv(staged)
     return {
         "status": str(plan.status),
         "reason": plan.reason,

@@ -9,9 +9,9 @@ import numpy as np
 
 from wzsumo.errors import CloudError
 from wzsumo.files.cloud import MIN_SURFACE_POINTS, read_cloud
-from wzsumo.files.output import staged_folder
+from wzsumo.files.output import staged_file
 from wzsumo.lidar_mapping import registration
-from wzsumo.lidar_mapping.registration import RegistrationStatus
+from wzsumo.lidar_mapping.registration import RegistrationResult, RegistrationStatus
 
 MORE = """\
 A cloud holds x, y, z in metres: an .npy array (n, 3), a .csv table (columns x, y, z, or three unnamed ones) or a .ply file.
@@ -33,6 +33,23 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     Clouds that determine no motion (identical clouds, too few features) are refused. The identity would look like a result.
     """
     source, target, out = args.source, args.target, args.out
+    with staged_file(out) as staged:
+        result, took_ms = _registered(source, target)
+        np.savetxt(staged, result.transform, fmt="%.12g")
+    return {
+        "transform_file": str(out),
+        "status": str(result.status),
+        "transform": result.transform.tolist(),
+        "overlap": result.overlap,
+        "residual_scale_m": result.scale_m,
+        "free_directions": result.free_directions,
+        "deviation_m": result.deviation_m.tolist(),
+        "register_ms": took_ms,
+    }
+
+
+def _registered(source: Path, target: Path) -> tuple[RegistrationResult, float]:
+    """(the registration of two clouds, the time [ms] that it took). Raises CloudError where they determine no motion."""
     moving, fixed = (read_cloud(path, at_least=MIN_SURFACE_POINTS) for path in (source, target))
     registration.compile_kernels()
     began = time.perf_counter()
@@ -50,15 +67,4 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
             f"{source} and {target}: too few features; of {len(moving)} and {len(fixed)} points hardly any form lines or "
             "planes near the other cloud: give denser clouds of one place"
         )
-    with staged_folder(out.parent) as stage:
-        np.savetxt(stage / out.name, result.transform, fmt="%.12g")
-    return {
-        "transform_file": str(out),
-        "status": str(result.status),
-        "transform": result.transform.tolist(),
-        "overlap": result.overlap,
-        "residual_scale_m": result.scale_m,
-        "free_directions": result.free_directions,
-        "deviation_m": result.deviation_m.tolist(),
-        "register_ms": took_ms,
-    }
+    return result, took_ms

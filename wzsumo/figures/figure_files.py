@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wzsumo.files.output import save_figure
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure  # slow to load, and not every report is written with figures
 
@@ -33,6 +35,6 @@ def save_drawings(drawings: Iterable[Drawing], folder: Path) -> list[ReportFigur
     saved = []
     for drawing in drawings:
         path = folder / f"{drawing.stem}.png"
-        drawing.draw().savefig(path)
+        save_figure(drawing.draw(), path)
         saved.append(ReportFigure(path=path, title=drawing.title, caption=drawing.caption))
     return saved

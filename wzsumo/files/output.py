@@ -1,65 +1,72 @@
-"""Writes output files completely or not at all."""
+"""Writes output files completely or not at all: everything is written to a folder of its own, then moved to its place."""
 
+import errno
 import io
 import os
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+import signal
+import threading
+from collections.abc import Container, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from wzsumo.errors import OutputError
+from wzsumo.files.work_folder import work_folder
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from matplotlib.figure import Figure
 
-UNFINISHED = ".unfinished-"  # prefix of a file or folder until it is complete
+_NO_ROOM = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the quota is used up", errno.EFBIG: "a file would be too large"}
 
 
 @contextmanager
-def staged_folder(out: Path) -> Iterator[Path]:
+def staged_folder(out: Path, *, files: Sequence[str] = ()) -> Iterator[Path]:
     """An empty folder to write to. At the end of the block its files move into `out` and replace files of the same name.
 
-    If the block raises, its files are deleted and `out` stays as it is. Raises OutputError where `out` cannot be written to.
+    If the block raises or is interrupted, its files are deleted and `out` stays as it is. A link in `out` is replaced, never
+    written through. Raises OutputError where `out` cannot be written to, at once where one of `files`, the names that the block
+    will write, cannot be a file there.
     """
-    existed = out.exists()
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=out))
-    except OSError as error:
-        raise OutputError(
-            f"--out {out}: cannot be written to ({error.strerror}); name a folder that you may write to"
-        ) from None
-    try:
-        yield stage
-        for path in sorted(stage.rglob("*")):
-            target = out / path.relative_to(stage)
-            if path.is_dir():
-                target.mkdir(exist_ok=True)
-            else:
-                path.replace(target)
-    finally:
-        shutil.rmtree(stage, ignore_errors=True)
-        if not existed and not any(out.iterdir()):
-            out.rmdir()
+    with ExitStack() as at_end:
+        at_end.callback(_remove_if_empty, _missing_folders(out))
+        with _refusals(out):
+            out.mkdir(parents=True, exist_ok=True)
+            _refuse_in_the_way(out, [(Path(name), False) for name in files])
+            stage = at_end.enter_context(work_folder(out))
+        with _refusals(out, only=_NO_ROOM):
+            yield stage
+        with _refusals(out), _uninterrupted():
+            _move(stage, out)
+
+
+@contextmanager
+def staged_file(path: Path) -> Iterator[Path]:
+    """A path to write a file to, which moves to `path` at the end of the block.
+
+    Where the block writes nothing, or raises, `path` stays as it is. Raises OutputError as `staged_folder` does, and where
+    `path` is a folder.
+    """
+    if path.name in {"", ".."} or "\0" in str(path):
+        raise OutputError(f"{path}: is no name of a file; name one")
+    with staged_folder(path.parent, files=(path.name,)) as stage:
+        yield stage / path.name
 
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file atomically: if writing fails or is interrupted, the file stays as it was. Raises OutputError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
-    try:
-        with unfinished.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())  # the content must be on the disk before the file gets its name
-        unfinished.replace(path)
-    except OSError as error:
-        unfinished.unlink(missing_ok=True)
-        raise OutputError(
-            f"{path}: cannot be written ({error.strerror}); make room there, then run the command again"
-        ) from None
+    with staged_file(path) as staged, staged.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())  # the content must be on the disk before the file gets its name
+
+
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Write a drawing as PNG. Pillow's own writing to a file does not say why it fails."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    path.write_bytes(buffer.getvalue())
 
 
 def parquet_bytes(table: "pa.Table") -> bytes:
@@ -69,3 +76,86 @@ def parquet_bytes(table: "pa.Table") -> bytes:
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd", write_page_checksum=True)
     return buffer.getvalue()
+
+
+def refuse_links(out: Path, folders: Iterable[str]) -> None:
+    """Raise OutputError where one of the folders in `out` is a link or a file."""
+    _refuse_in_the_way(out, [(Path(name), True) for name in folders])
+
+
+def _missing_folders(out: Path) -> list[Path]:
+    """The folders that making `out` makes, the innermost first."""
+    missing = []
+    with suppress(OSError, ValueError):
+        for folder in (out, *out.parents):
+            if folder.exists():
+                break
+            missing.append(folder)
+    return missing
+
+
+def _remove_if_empty(folders: list[Path]) -> None:
+    with suppress(OSError):  # one holds what was written
+        for folder in folders:
+            folder.rmdir()
+
+
+@contextmanager
+def _refusals(out: Path, *, only: Container[int] | None = None) -> Iterator[None]:
+    """OutputError in the place of an OSError, of every one or of those with an errno in `only`."""
+    try:
+        yield
+    except (OSError, ValueError) as failed:  # ValueError: a NUL in the name
+        number = (failed.errno if isinstance(failed, OSError) else None) or 0
+        if only is not None and number not in only:
+            raise
+        if number in _NO_ROOM:
+            raise OutputError(f"{out}: {_NO_ROOM[number]}; nothing was changed there: make room and run it again") from None
+        reason = failed.strerror if isinstance(failed, OSError) else failed
+        raise OutputError(f"{out}: cannot be written to ({reason}); name a folder that you may write to") from None
+
+
+def _refuse_in_the_way(out: Path, places: Iterable[tuple[Path, bool]]) -> None:
+    """Raise OutputError where a folder is where a file goes, or a file or a link where a folder goes; (place, is a folder)."""
+    for place, is_folder in places:
+        folders = [*reversed(place.parents)][1:] + [place] * is_folder
+        for folder in folders:
+            target = out / folder
+            if target.is_symlink() or (target.exists() and not target.is_dir()):
+                what = "a link" if target.is_symlink() else "a file"
+                raise OutputError(f"{target}: is {what} where a folder goes; move it away or name another folder")
+        target = out / place
+        if not is_folder and target.is_dir() and not target.is_symlink():
+            raise OutputError(f"{target}: is a folder where a file goes; move it away or name another folder")
+
+
+def _move(stage: Path, out: Path) -> None:
+    """Move everything in `stage` to its place in `out`, or nothing."""
+    found = [(path, path.relative_to(stage), path.is_dir()) for path in sorted(stage.rglob("*"))]
+    _refuse_in_the_way(out, [(place, is_folder) for _, place, is_folder in found])
+    for path, place, is_folder in found:
+        if is_folder:
+            (out / place).mkdir(exist_ok=True)
+        else:
+            path.replace(out / place)
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold back what signals that end a program do until the end of the block."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        came.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for first in came[:1]:
+            signal.raise_signal(first)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from PIL import Image
 
 from wzsumo.errors import MapError, check_file, reading, shown
 from wzsumo.files.map_image import MapImage, read_map_image
@@ -25,7 +24,8 @@ def write_map(grid: OccupancyGrid, folder: Path | str, *, name: str = "map") -> 
     """
     folder = Path(folder)
     grey = np.round(255 * (1 - grid.p_occupied[::-1])).astype(np.uint8)
-    Image.fromarray(grey).save(folder / f"{name}.pgm")
+    header = b"P5\n%d %d\n255\n" % (grid.shape[1], grid.shape[0])
+    (folder / f"{name}.pgm").write_bytes(header + grey.tobytes())
     metadata = {
         "image": f"{name}.pgm",
         "mode": "scale",

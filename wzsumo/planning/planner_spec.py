@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-import numpy as np
 from pydantic import Field
 
 from wzsumo.grid import FREE_THRESHOLD
@@ -36,9 +35,9 @@ class PlannerSpec(Spec):
     def max_curvature(self, vehicle: VehicleGeometry, *, speed_mps: float) -> float:
         """Largest curvature [1/m] by steering angle and by lateral acceleration at a speed."""
         steering = 1 / vehicle.min_turning_radius_m
-        if speed_mps == 0:
+        if steering * speed_mps**2 <= self.max_lateral_acceleration_mps2:  # also where a square underflows
             return steering
-        return float(np.minimum(steering, self.max_lateral_acceleration_mps2 / speed_mps**2))
+        return self.max_lateral_acceleration_mps2 / speed_mps**2
 
     @property
     def max_metre_cost(self) -> float:

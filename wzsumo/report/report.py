@@ -7,12 +7,13 @@ from typing import Any
 from wzsumo.case.map_method import Source
 from wzsumo.case.methods import is_baseline, methods_from
 from wzsumo.ego import Outcome
-from wzsumo.errors import OutputError
+from wzsumo.files.output import staged_folder
 from wzsumo.files.result_folder import ResultFolder, read_result_folder
 from wzsumo.report.drive_player import player_data
 from wzsumo.report.page import embedded, page_template
 from wzsumo.report.tables import DASH, conduct_rows, goal_rows, metres, outcome_in_words, percent, traffic_rows
 
+PAGE = "report.html"
 CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
 NOT_RUN_NAMES = {"slam": "LiDAR SLAM baseline"}
 
@@ -20,18 +21,16 @@ NOT_RUN_NAMES = {"slam": "LiDAR SLAM baseline"}
 def write_report(folder: Path) -> Path:
     """The path of report.html, written to a run's result folder together with figures/*.png.
 
-    Raises InputError where no run wrote the folder, OutputError where it cannot be written to.
+    All of them are replaced together, or none. Raises InputError where no run wrote the folder, OutputError where it cannot be
+    written to.
     """
     from wzsumo.figures.figures import write_figures  # matplotlib loads slowly, and only a report needs it
 
     run = read_result_folder(folder)
-    path = folder / "report.html"
-    try:
-        figures = embedded(write_figures(run, folder / "figures"))
-        path.write_text(_page(run, figures), encoding="utf-8")
-    except PermissionError as error:
-        raise OutputError(f"{error.filename}: cannot be written; give a folder that you may write to") from None
-    return path
+    with staged_folder(folder, files=(PAGE,)) as stage:
+        figures = embedded(write_figures(run, stage / "figures"))
+        (stage / PAGE).write_text(_page(run, figures), encoding="utf-8")
+    return folder / PAGE
 
 
 def best_method(methods: Mapping[str, Mapping[str, Any]]) -> str | None:

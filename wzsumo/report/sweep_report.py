@@ -7,10 +7,11 @@ from typing import Any
 import pandas as pd
 
 from wzsumo.case.methods import is_baseline
-from wzsumo.files.output import write_whole
+from wzsumo.files.output import staged_folder
 from wzsumo.report.page import embedded, page_template
 from wzsumo.sweep.results import column_of, read_results
 from wzsumo.sweep.store import read_study
+from wzsumo.sweep.study_file import Study
 from wzsumo.sweep.summary import (
     REQUIRED_SAFE_SHARE,
     TRACES_FACTOR,
@@ -22,6 +23,7 @@ from wzsumo.sweep.summary import (
 )
 from wzsumo.sweep.version import code_version
 
+PAGE = "report.html"
 MAX_CASE_ROWS = 2000  # cases on the page; results.parquet holds all
 MEASURES = ("safe_plan", "iou", "precision", "recall", "planned_min_clearance_devices_m")
 CASE_COLUMNS_SHOWN = (
@@ -39,12 +41,21 @@ def write_sweep_report(folder: Path) -> Path:
 
     study, table = read_study(folder), read_results(folder)
     factors = [name for name in table.attrs["factors"] if name != "seed"]
-    figures = embedded(write_sweep_figures(table, folder / "figures"))
-    tables = _tables(table, factors)
-    for part in tables:
-        write_table(part["frame"], folder / "tables", part["stem"])
+    with staged_folder(folder, files=(PAGE,)) as stage:
+        figures = embedded(write_sweep_figures(table, stage / "figures"))
+        tables = _tables(table, factors)
+        for part in tables:
+            write_table(part["frame"], stage / "tables", part["stem"])
+        (stage / PAGE).write_text(_page(study, table, folder, figures=figures, tables=tables), encoding="utf-8")
+    return folder / PAGE
+
+
+def _page(
+    study: Study, table: pd.DataFrame, folder: Path, *, figures: list[dict[str, str]], tables: list[dict[str, Any]]
+) -> str:
+    factors = [name for name in table.attrs["factors"] if name != "seed"]
     seeds, simulations = table["seed"].nunique(), table["simulation"].nunique()
-    page = page_template("sweep.html.j2").render(
+    return page_template("sweep.html.j2").render(
         name=study.spec.name,
         folder=str(folder),
         facts=f"{len(table)} of {len(study.cases)} cases · {simulations} simulations · {seeds} seeds · wzsumo {code_version()}",
@@ -54,8 +65,6 @@ def write_sweep_report(folder: Path) -> Path:
         tables=[_template_table(part) for part in [*tables, _cases(table, factors)]],
         rerun={path.parent.name for path in folder.glob("cases/*/report.html")},
     )
-    write_whole(folder / "report.html", page.encode())
-    return folder / "report.html"
 
 
 def _answers(table: pd.DataFrame, factors: list[str]) -> list[str]:

@@ -17,6 +17,7 @@ from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.errors import InputError, SpecError
 from wzsumo.feeds.announcement import announced_on
 from wzsumo.feeds.road_event import read_feed, road_event, road_events, split_event
+from wzsumo.files.work_folder import work_folder
 from wzsumo.geography import LocalFrame
 from wzsumo.road import Road
 from wzsumo.roads.found_road import FoundRoad
@@ -66,8 +67,8 @@ def read_known_road(
     if name.endswith(NETWORKS):
         found = read_network_road(path, traces=traces, frame=frame, edges=edges, shoulders=shoulders, source=source)
     elif suffix := next((suffix for suffix in IMPORTED if name.endswith(suffix)), None):
-        with tempfile.TemporaryDirectory() as folder:
-            net = _imported(path, suffix, Path(folder))
+        with work_folder(Path(tempfile.gettempdir())) as folder:
+            net = _imported(path, suffix, folder)
             found = read_network_road(net, traces=traces, frame=frame, edges=edges, shoulders=shoulders, source=source)
     elif name.endswith(LINES):
         found = read_line(path, frame=frame)

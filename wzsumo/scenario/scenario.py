@@ -19,7 +19,7 @@ from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.departures import check_departures
 from wzsumo.simulation.drivers import BY_THE_HCM, UNCALIBRATED, hcm_drivers
 from wzsumo.simulation.files import SimulationSpec
-from wzsumo.spec import Spec, parse_spec, read_toml
+from wzsumo.spec import MAX_SEED, Spec, parse_spec, read_toml
 from wzsumo.units import mps_from_mph
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DeviceKind, RoadType, WorkZone, WorkZoneLayout
@@ -32,7 +32,7 @@ class Scenario(Spec):
     """The spec of one case: everything that decides its result, the seed included."""
 
     name: Annotated[str, Decides.NOTHING] = Field(min_length=1, pattern=r"^[\w.-]+$")
-    seed: Annotated[int, Decides.SIMULATION] = Field(ge=0)
+    seed: Annotated[int, Decides.SIMULATION] = Field(ge=0, le=MAX_SEED)
     road: Annotated[RoadSpec, Decides.SIMULATION]
     work_zone: Annotated[WorkZone, Decides.SIMULATION]
     site: Annotated[SiteSpec, Decides.SIMULATION] = SiteSpec()

@@ -54,9 +54,13 @@ def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callabl
     with tempfile.TemporaryFile("w+") as errors:
         # Text mode takes the carriage return that ends each of SUMO's progress lines for the end of a line.
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
-            for line in process.stdout or ():
-                if line.startswith(_STEP_LOG_PREFIX):
-                    on_second(float(line.removeprefix(_STEP_LOG_PREFIX).split()[0]))
+            try:
+                for line in process.stdout or ():
+                    if line.startswith(_STEP_LOG_PREFIX):
+                        on_second(float(line.removeprefix(_STEP_LOG_PREFIX).split()[0]))
+            except BaseException:
+                process.kill()  # an interrupted program leaves no SUMO behind
+                raise
         if process.returncode != 0:
             errors.seek(0)
             raise SimulationError(f"SUMO ended with {process.returncode}: {' '.join(errors.read().split())[-300:]}")

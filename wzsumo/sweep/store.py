@@ -13,6 +13,7 @@ import fcntl
 import hashlib
 import io
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,12 +23,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wzsumo.errors import OutputError
-from wzsumo.files.output import UNFINISHED, parquet_bytes, write_whole
+from wzsumo.files.output import parquet_bytes, refuse_links, write_whole
+from wzsumo.files.work_folder import remove_leftovers
 from wzsumo.sweep.results import BATCH_SCHEMA
 from wzsumo.sweep.study_file import Study, study_of
 
 FORMAT = 1  # version of the folder's layout
 MANIFEST = "study.json"
+FOLDERS = ("batches", "simulations")
 
 
 class ResultStore:
@@ -91,9 +94,10 @@ def open_store(folder: Path, study: Study, *, tell: Callable[[str], None], cache
     """
     _refuse_foreign(folder, study)
     try:
-        for name in ("batches", "simulations"):
+        refuse_links(folder, FOLDERS)
+        for name in FOLDERS:
             (folder / name).mkdir(parents=True, exist_ok=True)
-        lock = (folder / ".lock").open("w")
+        lock = os.fdopen(os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "w")
     except OSError as error:
         raise OutputError(f"--out {folder}: cannot be written to ({error.strerror}); name a folder you may write to") from None
     with lock:
@@ -103,8 +107,8 @@ def open_store(folder: Path, study: Study, *, tell: Callable[[str], None], cache
             raise OutputError(
                 f"--out {folder}: another sweep is writing there; wait for its end or name another folder"
             ) from None
-        for leftover in folder.rglob(f"{UNFINISHED}*"):
-            leftover.unlink()
+        for place in (folder, *(folder / name for name in FOLDERS)):
+            remove_leftovers(place)
         manifest = {"format": FORMAT, "name": study.spec.name, **study.content}
         write_whole(folder / MANIFEST, json.dumps(manifest, indent=1).encode())
         yield ResultStore(folder, tell=tell, cache_limit_mb=cache_limit_mb)

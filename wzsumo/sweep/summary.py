@@ -10,7 +10,6 @@ from scipy.stats import beta
 
 from wzsumo.case.methods import is_baseline
 from wzsumo.errors import InputError
-from wzsumo.files.output import write_whole
 from wzsumo.frames import FloatArray
 from wzsumo.sweep.results import CASE_COLUMNS, MEASURED_COLUMNS
 
@@ -99,10 +98,11 @@ def largest_share(found: int, n: int) -> float:
 
 def write_table(frame: pd.DataFrame, folder: Path, name: str) -> list[Path]:
     """The paths of NAME.csv, .parquet, .md and .tex, written to `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
     texts = {".csv": frame.to_csv(index=False), ".md": markdown(frame), ".tex": latex(frame)}
     for suffix, text in texts.items():
-        write_whole(folder / f"{name}{suffix}", text.encode())
-    write_whole(folder / f"{name}.parquet", frame.to_parquet(index=False))
+        (folder / f"{name}{suffix}").write_text(text, encoding="utf-8")
+    (folder / f"{name}.parquet").write_bytes(frame.to_parquet(index=False))
     return [folder / f"{name}{suffix}" for suffix in (*texts, ".parquet")]
 
 

@@ -12,12 +12,14 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
 from types import TracebackType
 from typing import Any, Protocol, Self
+
+from wzsumo.files.work_folder import work_folder
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], float]  # function, arguments, time limit [s]
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -49,7 +51,8 @@ class LocalWorkers:
         self._stopping = threading.Event()
         self._processes: list[_Process | None] = [None] * count
         # The temporary files of killed processes stay in this folder until the pool deletes it.
-        self._scratch = tempfile.TemporaryDirectory(prefix="wzsumo-", ignore_cleanup_errors=True)
+        self._at_end = ExitStack()
+        self._scratch = str(self._at_end.enter_context(work_folder(Path(tempfile.gettempdir()))))
         self._threads = [threading.Thread(target=self._serve, args=(slot,), daemon=True) for slot in range(count)]
 
     def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
@@ -73,12 +76,12 @@ class LocalWorkers:
                 process.kill()
         for thread in self._threads:
             thread.join()
-        self._scratch.cleanup()
+        self._at_end.close()
 
     def _serve(self, slot: int) -> None:
         while (item := self._tasks.get()) is not None and not self._stopping.is_set():
             future, call = item
-            process = self._processes[slot] or _Process(self._scratch.name)
+            process = self._processes[slot] or _Process(self._scratch)
             self._processes[slot] = process
             if self._stopping.is_set():  # checked once `__exit__` can see the process, so that one of the two threads kills it
                 break

@@ -27,6 +27,7 @@ from wzsumo.case.watch import Watch
 from wzsumo.case.zone import SimulatedZone, simulate_zone
 from wzsumo.errors import InputError
 from wzsumo.files.output import parquet_bytes
+from wzsumo.files.work_folder import work_folder
 from wzsumo.grid import OccupancyGrid
 from wzsumo.planning.plan import load_kernels
 from wzsumo.scenario.scenario import Scenario
@@ -46,8 +47,8 @@ _ONE_SIMULATION = threading.Lock()  # libsumo allows one per process, and a Dask
 def simulate(scenario: Scenario) -> bytes:
     """A Parquet file of the true traces in the zone, with the fleet's summary in its metadata."""
     layout = scenario.layout()
-    with _ONE_SIMULATION, _in_processor_seconds() as spent, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
-        zone, measures = simulate_zone(scenario, layout, folder=Path(folder), watch=Watch())
+    with _ONE_SIMULATION, _in_processor_seconds() as spent, work_folder(Path(tempfile.gettempdir())) as folder:
+        zone, measures = simulate_zone(scenario, layout, folder=folder, watch=Watch())
     summary = asdict(measures.summary) | asdict(measures.traffic.summary) | {"simulation_cpu_s": spent[0]}
     table = pa.Table.from_pandas(zone.over_zone, preserve_index=False)
     metadata = dict(table.schema.metadata or {}) | {_FLEET: json.dumps(summary).encode()}
@@ -130,8 +131,8 @@ def _zone_of(scenario: Scenario, site: Site, *, over_zone: pd.DataFrame) -> Simu
 
     @contextmanager
     def sumo_files() -> Iterator[SumoFiles]:
-        with _ONE_SIMULATION, tempfile.TemporaryDirectory(prefix="wzsumo-") as folder:
-            yield write_sumo_files(site.layout, Path(folder), spec=scenario.zone_simulation(), seed=scenario.seed)
+        with _ONE_SIMULATION, work_folder(Path(tempfile.gettempdir())) as folder:
+            yield write_sumo_files(site.layout, folder, spec=scenario.zone_simulation(), seed=scenario.seed)
 
     def whole_fleet() -> pd.DataFrame:
         with sumo_files() as files:
