@@ -36,7 +36,7 @@ def frame_of_collection(collection: Mapping[str, Any]) -> LocalFrame | None:
 def geometry_in_metres(geometry: dict[str, Any], frame: LocalFrame | None) -> BaseGeometry:
     """A geometry of a file of ours in metres of the frame that the file states."""
     shape = shapely.geometry.shape(geometry)
-    return shape if frame is None else shapely.transform(shape, frame.from_lonlat)
+    return shape if frame is None else shapely.transform(_joined_at_180(shape), frame.from_lonlat)
 
 
 def placed_collection(collection: Mapping[str, Any], frame: LocalFrame | None) -> dict[str, Any]:
@@ -77,7 +77,21 @@ def _crosses_the_180th(lonlat: FloatArray) -> bool:
 
 
 def _cut_at_180(geometry: BaseGeometry) -> BaseGeometry:
-    east = shapely.transform(geometry, lambda p: np.column_stack([np.mod(p[:, 0], 360), p[:, 1]]))
+    east = _to_360(geometry)
     halves = [shapely.intersection(east, shapely.box(low, -90, low + 180, 90)) for low in (0.0, 180.0)]
     back = shapely.transform(halves[1], lambda p: p - (360.0, 0.0))
-    return shapely.union_all([halves[0], back])
+    parts = [part for half in (halves[0], back) for part in shapely.get_parts(half)]
+    # What begins on the meridian touches the other half in a point or line, which is no part of it.
+    return shapely.union_all([part for part in parts if part.geom_type == geometry.geom_type.removeprefix("Multi")])
+
+
+def _joined_at_180(geometry: BaseGeometry) -> BaseGeometry:
+    """A line or polygon that was cut at the 180th meridian in one piece, its longitudes from 0 to 360 degrees."""
+    if "Multi" not in geometry.geom_type or not _crosses_the_180th(shapely.get_coordinates(geometry)):
+        return geometry
+    east = _to_360(geometry)
+    return shapely.line_merge(east, directed=True) if "Line" in east.geom_type else shapely.union_all(list(east.geoms))
+
+
+def _to_360(geometry: BaseGeometry) -> BaseGeometry:
+    return shapely.transform(geometry, lambda p: np.column_stack([np.mod(p[:, 0], 360), p[:, 1]]))

@@ -60,11 +60,24 @@ def test_geojson_is_of_rfc_7946_where_there_is_a_frame_and_says_so_where_there_i
 
 
 def test_ground_across_the_180th_meridian_is_cut_there() -> None:
-    found = lanes_geojson(exact("paper", local_frame([[179.995, -16.8]])))["features"]
+    found = lanes_geojson(exact("paper", local_frame([[179.995, -16.8]], step_deg=0.001)))["features"]
     lane = shapely.geometry.shape(next(f["geometry"] for f in found if f["properties"]["name"] == "lane"))
     parts = list(shapely.get_parts(lane))
     assert len(parts) == 2
     assert all(np.ptp(shapely.get_coordinates(part)[:, 0]) < 1 for part in parts)
+
+
+@pytest.mark.parametrize("centre", [(179.995, -16.8), (180.0, -16.8), (-179.999, 51.9)])
+def test_lane_map_across_the_180th_meridian_comes_back_and_is_exported(tmp_path: Path, centre: tuple[float, float]) -> None:
+    content = exact("paper_bend_900m", local_frame([centre], step_deg=0.001))
+    write_lanes(content, tmp_path)
+    back = read_lanes(tmp_path)
+    lines = [shapely.LineString(lanes.axis.reference_line) for lanes in (content.lanes, back.lanes)]
+    assert shapely.hausdorff_distance(*lines) < 0.01
+    assert lines[1].length == pytest.approx(lines[0].length, abs=0.01)
+    assert np.hypot(*(lines[1].coords[0] - np.array(lines[0].coords[0]))) < 0.01  # and runs the same way
+    for data in (lanelet2_osm(back, speed_limit_mps=None), opendrive_xml(back, speed_limit_mps=None, name="zone")):
+        ET.fromstring(data)  # noqa: S314 - our own
 
 
 def test_lane_sections_tell_where_the_closed_lane_is_open() -> None:
