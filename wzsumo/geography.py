@@ -24,6 +24,7 @@ WGS_84 = "EPSG:4326"
 ORIGIN_STEP_DEG = 0.01  # origins are whole hundredths of a degree, so that files of one place share a frame; chosen by us
 # Lengths of a frame may differ from those on the ground by this: UTM's 0.9996 to 1.001 is metres, Web Mercator is not.
 MAX_SCALE_ERROR = 0.0025
+MAX_CRS_SHOWN = 120  # letters of a CRS in a message: a PROJ string has fewer, WKT more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +160,11 @@ def utm_crs(lon: float, lat: float) -> str:
     """
     zone = min(60, math.floor((float(wrap_longitude(lon)) + 180) / 6) + 1)
     return f"EPSG:{(32600 if lat >= 0 else 32700) + zone}"
+
+
+def crs_name(crs: str) -> str:
+    """A short name of a CRS for a message: itself, or the name within WKT or PROJJSON."""
+    return crs if len(crs) <= MAX_CRS_SHOWN else read_crs(crs).name
 
 
 @lru_cache(maxsize=32)

@@ -18,10 +18,24 @@ def test_traces_come_back_from_both_formats(tmp_path: Path) -> None:
 
 
 def test_fixes_are_read_as_they_are_and_only_traces_are_checked(tmp_path: Path) -> None:
-    TRACES.drop(columns="y_m").to_csv(tmp_path / "a.csv", index=False)
-    assert "y_m" not in read_fixes([tmp_path / "a.csv"]).table
-    with pytest.raises(TraceError, match="y_m missing"):
+    TRACES.assign(y_m=[float("nan"), *TRACES["y_m"].iloc[1:]]).to_csv(tmp_path / "a.csv", index=False)
+    assert read_fixes([tmp_path / "a.csv"]).table["y_m"].isna().sum() == 1
+    with pytest.raises(TraceError, match="y_m of row 0 is nan"):
         read_traces(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("lost", "said"),
+    [
+        (["y_m"], "no column for y_m; say which holds what with --columns y_m=NAME; the file has vehicle_id"),
+        (["x_m", "y_m", "time_s"], r"no column for time, lat, lon \(or x_m, y_m\); .* --columns time=NAME lat=NAME lon=NAME"),
+        (["vehicle_id"], "no column for vehicle_id; "),
+    ],
+)
+def test_column_that_is_not_there_is_named_with_the_option_that_names_it(tmp_path: Path, lost: list[str], said: str) -> None:
+    TRACES.drop(columns=lost).sample(frac=1, random_state=1).to_csv(tmp_path / "a.csv", index=False)
+    with pytest.raises(TraceError, match=said):
+        read_fixes([tmp_path / "a.csv"])
 
 
 @pytest.mark.parametrize(

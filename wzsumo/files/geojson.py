@@ -90,7 +90,7 @@ def _joined_at_180(geometry: BaseGeometry) -> BaseGeometry:
     if "Multi" not in geometry.geom_type or not _crosses_the_180th(shapely.get_coordinates(geometry)):
         return geometry
     east = _to_360(geometry)
-    return shapely.line_merge(east, directed=True) if "Line" in east.geom_type else shapely.union_all(list(east.geoms))
+    return shapely.line_merge(east, directed=True) if "Line" in east.geom_type else shapely.union_all(shapely.get_parts(east))
 
 
 def _to_360(geometry: BaseGeometry) -> BaseGeometry:

@@ -9,7 +9,8 @@ import pandas as pd
 
 from wzsumo.errors import TraceError
 from wzsumo.files.fixes.fixes import Fixes, fixes_of
-from wzsumo.files.fixes.tables import read_table, table_files, table_of_arrow
+from wzsumo.files.fixes.point_columns import table_of_arrow
+from wzsumo.files.fixes.tables import read_table, table_files
 from wzsumo.geography import LocalFrame
 from wzsumo.tables import check_traces
 

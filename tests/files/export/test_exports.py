@@ -73,7 +73,7 @@ def test_lane_map_across_the_180th_meridian_comes_back_and_is_exported(tmp_path:
     write_lanes(content, tmp_path)
     back = read_lanes(tmp_path)
     lines = [shapely.LineString(lanes.axis.reference_line) for lanes in (content.lanes, back.lanes)]
-    assert shapely.hausdorff_distance(*lines) < 0.01
+    assert shapely.hausdorff_distance(lines[0], lines[1]) < 0.01
     assert lines[1].length == pytest.approx(lines[0].length, abs=0.01)
     assert np.hypot(*(lines[1].coords[0] - np.array(lines[0].coords[0]))) < 0.01  # and runs the same way
     for data in (lanelet2_osm(back, speed_limit_mps=None), opendrive_xml(back, speed_limit_mps=None, name="zone")):

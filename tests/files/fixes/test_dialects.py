@@ -45,6 +45,26 @@ def test_chosen_columns_win_and_bring_their_unit() -> None:
     assert (found["lon"].name, "lat" in found) == ("lat", False)
 
 
+def test_column_is_found_by_the_last_words_of_its_name_where_one_alone_ends_so() -> None:
+    names = ["anonymous_vehicle_id", "eventTimestamp", "start_lat", "startLongitude", "segment_id"]
+    found = columns_of(names, chosen={}, source="file")
+    assert [found[key].name for key in ("vehicle_id", "time", "lat", "lon")] == names[:4]
+    assert all(found[key].by_end for key in ("vehicle_id", "time", "lat", "lon"))
+    assert columns_of(["trip_id", "event_time_ms", "x", "y"], chosen={}, source="file")["time"].unit == "ms"
+    assert "vehicle_id" not in columns_of(["segment_id", "time", "lat", "lon"], chosen={}, source="file")  # no vehicle's
+    assert "lat" not in columns_of(["id", "time", "x", "y", "start_lat"], chosen={}, source="file")  # there is a place
+    exact = columns_of(["id", "timestamp", "received_timestamp", "lat", "lon"], chosen={}, source="file")
+    assert (exact["time"].name, exact["time"].by_end) == ("timestamp", False)
+
+
+def test_two_columns_that_end_alike_are_asked_for() -> None:
+    names = ["id", "time", "start_lat", "start_lon", "end_lat", "end_lon"]
+    with pytest.raises(TraceError, match="2 columns may hold lat; say which: --columns lat=start_lat or --columns lat=end_lat"):
+        columns_of(names, chosen={}, source="file")
+    found = columns_of(names, chosen={"lat": "end_lat", "lon": "end_lon"}, source="file")
+    assert (found["lat"].name, found["lon"].name) == ("end_lat", "end_lon")
+
+
 @pytest.mark.parametrize(
     ("chosen", "said"),
     [({"vehicle_id": "veh"}, "no such column; the file has a, b"), ({"colour": "a"}, "colour is no column of a trace table")],

@@ -101,6 +101,59 @@ def test_separators_compression_folders_and_parquet_give_the_same_fixes(tmp_path
         assert_is_the_drive(read_fixes([path]))
 
 
+def test_points_in_one_column_of_text_or_of_geoarrow_are_read(tmp_path: Path) -> None:
+    import geopandas
+    import shapely
+
+    plain = provider(DRIVE).drop(columns=["latitude", "longitude"])
+    points = np.array([shapely.Point(lon, lat) for lon, lat in DRIVE[["lon", "lat"]].to_numpy()])
+    texts: dict[str, Any] = {"geom": shapely.to_wkt(points, rounding_precision=-1), "wkt": [f"SRID=4326;{p.wkt}" for p in points],
+             "the_geom": shapely.to_wkb(points, hex=True)}  # fmt: skip
+    for name, text in texts.items():
+        assert_is_the_drive(read(tmp_path / f"{name}.csv", plain.assign(**{name: text})))
+    table = geopandas.GeoDataFrame(plain, geometry=points, crs="EPSG:4326")
+    table.to_parquet(tmp_path / "a.parquet", geometry_encoding="geoarrow")
+    assert_is_the_drive(read_fixes([tmp_path / "a.parquet"]))
+    table.to_crs("EPSG:32617").to_parquet(tmp_path / "b.parquet")
+    frame = read_fixes([tmp_path / "b.parquet"]).frame
+    assert frame is not None
+    assert frame.crs == "EPSG:32617"  # not its definition of a page
+    lost = read(tmp_path / "c.csv", plain.assign(wkt=["POINT EMPTY", "", *texts["geom"][2:]]))
+    assert np.isfinite(lost.table["x_m"]).tolist()[:3] == [False, False, True]
+
+
+def test_text_in_utf_16_is_read_and_other_encodings_are_told(tmp_path: Path) -> None:
+    table = provider(DRIVE).assign(street="Stra\u00dfe")
+    table.to_csv(tmp_path / "a.csv", index=False, encoding="utf-16")
+    assert_is_the_drive(read_fixes([tmp_path / "a.csv"]))
+    table.to_csv(tmp_path / "b.csv", index=False, encoding="latin-1")
+    with pytest.raises(InputError, match="neither UTF-8 nor UTF-16; save it as UTF-8"):
+        read_fixes([tmp_path / "b.csv"])
+
+
+def test_date_beside_a_time_of_day_is_used(tmp_path: Path) -> None:
+    stamps = pd.to_datetime(iso(DRIVE))
+    table = provider(DRIVE).drop(columns="capturedTimestamp")
+    table = table.assign(Date=stamps.dt.strftime("%m/%d/%Y"), Time=stamps.dt.strftime("%H:%M:%S"))
+    assert_is_the_drive(read(tmp_path / "a.csv", table))
+
+
+def test_dates_of_no_known_form_are_refused_with_the_remedy(tmp_path: Path) -> None:
+    table = provider(DRIVE).assign(capturedTimestamp="the first of June")
+    with pytest.raises(InputError, match="'the first of June': neither seconds nor a date of a known form; give ISO 8601"):
+        read(tmp_path / "a.csv", table)
+
+
+@pytest.mark.parametrize(("decimals", "step"), [(5, "1.1 m"), (4, "11 m"), (6, None), (None, "0.85 m")])
+def test_coordinates_that_were_rounded_coarsely_are_told(tmp_path: Path, decimals: int | None, step: str | None) -> None:
+    table = provider(DRIVE)
+    places = table[["latitude", "longitude"]]
+    rounded = places.astype("float32").astype(float) if decimals is None else places.round(decimals)
+    fixes = read(tmp_path / "a.csv", table.assign(**rounded).drop(columns="speed"))
+    told = [word for word in fixes.doubts if "are rounded to steps of" in word]
+    assert [word.split("steps of ")[1].split(":")[0] for word in told] == ([step] if step else [])
+
+
 def test_compass_headings_become_radians_and_wrong_ones_are_left_out_and_said(tmp_path: Path) -> None:
     fixes = read(tmp_path / "a.csv", provider(DRIVE))
     assert fixes.table["heading_rad"].to_numpy() == pytest.approx(np.deg2rad(30.0), abs=1e-3)
@@ -133,6 +186,34 @@ def test_sumo_fcd_in_xml_and_as_a_table_gives_centres_of_vehicles(tmp_path: Path
         assert fixes["vehicle_id"].unique().tolist() == ["a"]
 
 
+def test_sumo_angles_of_a_grid_are_turned_to_the_way_that_is_driven(tmp_path: Path) -> None:
+    grid_angle = 60.0 + 1.86  # of UTM zone 17 at its western side, where grid north lies 1.86 degrees west of true north
+    table = pd.DataFrame(
+        {"timestep_time": DRIVE["second"], "vehicle_id": DRIVE["id"], "vehicle_x": DRIVE["lon"], "vehicle_y": DRIVE["lat"],
+         "vehicle_angle": grid_angle, "vehicle_speed": 25.0}
+    )  # fmt: skip
+    fixes = read(tmp_path / "fcd.csv", table)
+    assert fixes.table["heading_rad"].to_numpy() == pytest.approx(np.deg2rad(30.0), abs=2e-4)
+    assert any("angles are of its network's grid: turned by 1.86 degrees" in word for word in fixes.said)
+    assert fixes.frame is not None
+    lon, lat = fixes.frame.to_lonlat(fixes.table[["x_m", "y_m"]]).T
+    back = Geod(ellps="WGS84").inv(lon, lat, DRIVE["lon"].to_numpy(), DRIVE["lat"].to_numpy())
+    assert back[2] == pytest.approx(2.5, abs=0.01)
+    assert back[0] == pytest.approx(60.0, abs=0.1)  # straight behind the bumper
+
+
+def test_sumo_steps_without_vehicles_are_no_fixes_and_missing_angles_are_told(tmp_path: Path) -> None:
+    steps = np.arange(20.0)
+    table = pd.DataFrame(
+        {"timestep_time": steps, "vehicle_id": "a", "vehicle_x": 100 + 20 * steps, "vehicle_y": 5.0, "vehicle_speed": 20.0}
+    )
+    empty = pd.DataFrame({"timestep_time": [20.0, 21.0]})
+    fixes = read(tmp_path / "fcd.csv", pd.concat([table, empty]))
+    assert len(fixes.table) == 20
+    assert fixes.table["x_m"].to_numpy() == pytest.approx(100 + 20 * steps)
+    assert any("without angles SUMO's points stay at the front bumper" in word for word in fixes.doubts)
+
+
 def test_gpx_tracks_are_drives(tmp_path: Path) -> None:
     points = "".join(
         f'<trkpt lat="{row.lat}" lon="{row.lon}"><ele>250</ele><time>{time}</time><hdop>1.2</hdop></trkpt>'
@@ -152,7 +233,8 @@ def test_file_without_ids_is_one_drive_if_its_clock_never_runs_back(tmp_path: Pa
     table = provider(DRIVE[:40]).drop(columns="journeyId")
     fixes = read(tmp_path / "monday.csv", table)
     assert fixes.table["vehicle_id"].unique().tolist() == ["monday"]
-    assert "vehicle_id" not in read(tmp_path / "all.csv", provider(DRIVE).drop(columns="journeyId")).table
+    with pytest.raises(InputError, match="no column for vehicle_id"):
+        read(tmp_path / "all.csv", provider(DRIVE).drop(columns="journeyId"))
 
 
 def test_tables_from_python_are_taken_whatever_their_library(tmp_path: Path) -> None:
@@ -201,6 +283,9 @@ REFUSED = {
     "feet by reported speeds": (
         metres(drive(speed_mps=10.0), factor=1 / 0.3048).assign(speed_mps=10.0), ["3.28 times as fast", "feet"]
     ),
+    "feet in a CRS of metres": (
+        metres(DRIVE, "EPSG:32617", factor=1 / 0.3048), ["in feet at 25 m/s", "see whether --crs EPSG:32617 is theirs"]
+    ),
     "Web Mercator": (metres(DRIVE, "EPSG:3857"), ["Web Mercator", "--crs EPSG:3857"]),
     "milliseconds from 0": (
         metres(DRIVE).assign(time_s=lambda t: 1000 * t["time_s"]), ["0.025 m/s", "milliseconds", "time_ms=NAME"]
@@ -222,7 +307,7 @@ REFUSED = {
 def test_what_cannot_be_is_refused_with_the_remedy(tmp_path: Path, fault: str) -> None:
     table, said = REFUSED[fault]
     with pytest.raises(InputError) as refused:
-        read(tmp_path / "a.csv", table)
+        read(tmp_path / "a.csv", table, crs="EPSG:32617" if "CRS" in fault else None)
     message = str(refused.value)
     assert message.startswith(str(tmp_path / "a.csv"))
     assert "\n" not in message

@@ -12,15 +12,18 @@ from wzsumo.errors import TraceError
 from wzsumo.files.fixes.dialects import Column
 from wzsumo.files.fixes.speeds import MAX_USUAL_MPS, SPEED_UNITS, UNIT_TOLERANCE, Steps, unit_of_ratio
 from wzsumo.frames import FloatArray
-from wzsumo.geography import LocalFrame, frame_of_crs, local_frame, lonlat_of_crs, read_crs
+from wzsumo.geography import LocalFrame, crs_name, frame_of_crs, local_frame, lonlat_of_crs, read_crs
 from wzsumo.units import METRES_PER_FOOT
 
 METRES_PER_UNIT = {None: 1.0, "m": 1.0, "ft": METRES_PER_FOOT, "cm": 0.01}
 # Degrees per unit: integers of SAE J2735 and of phones (1e-7, 1e-6), and the semicircles of receivers (FIT, NMEA 2000).
+METRES_PER_DEGREE = 111_320.0  # of latitude; of longitude at the equator
 DEGREES_PER_UNIT = {"e7": 1e-7, "e6": 1e-6, "semicircles": 180 / 2**31}
 MAX_LATITUDE_DEG = 75.0  # no road of a work zone lies nearer to a pole (Nordkapp: 71 degrees)
 WEB_MERCATOR_FROM_M, WEB_MERCATOR_UNTIL_M = 2.5e6, 20_037_509.0  # |x| beyond any UTM or State Plane easting in metres
 MIN_ADVANCE_SHARE = 0.5  # of the way that one vehicle goes; what jumps to and fro is several under one id. Chosen by us
+MAX_DECIMALS = 9  # of numbers that were rounded for a purpose; a double of three digits before the point holds 13
+COARSE_M = 0.5  # steps of rounded coordinates that are told: a seventh of a lane. Chosen by us
 DEGREES_SPAN = 5.0  # coordinates of one file that are degrees lie within this; chosen by us
 
 
@@ -57,6 +60,7 @@ def place_degrees(
         points=found.from_lonlat(degrees),
         frame=found,
         said=(*said, f"{columns[1].name} and {columns[0].name} are projected to metres"),
+        doubts=_coarse_steps(degrees, METRES_PER_DEGREE, columns=columns),
     )
 
 
@@ -78,16 +82,22 @@ def place_metres(
         if frame is not None and frame != found:
             in_frame = frame.from_lonlat(lonlat_of_crs(crs, points))
         kept = frame or found
-        said = () if kept.crs == crs else (f"coordinates in {crs} are projected to {kept.crs}",)
-        return Placed(points=in_frame, frame=kept, as_given=not said, said=said)
+        said = () if kept.crs == crs else (f"coordinates in {crs_name(crs)} are projected to {crs_name(kept.crs)}",)
+        _refuse_other_units(in_frame, steps, remedy=f"see whether --crs {crs_name(crs)} is theirs", source=source)
+        doubts = _coarse_steps(points, 1.0, columns=columns)
+        return Placed(points=in_frame, frame=kept, as_given=not said, said=said, doubts=doubts)
     points = points * METRES_PER_UNIT[unit]
     if _look_like_degrees(points, steps):
         if columns[0].own:
             raise TraceError(_degrees_words(points, steps, columns, source=source))
         return place_degrees(x, y, steps, columns=columns, reported=reported, crs=None, frame=frame, source=source)
     if frame is not None:
-        raise TraceError(f"{source}: its coordinates are metres without a CRS, but the road or map has one; give --crs")
+        raise TraceError(
+            f"{source}: its coordinates are metres without a CRS, but those of the files before, or of the road, have a place: "
+            "give --crs, or map them apart"
+        )
     doubts = _check_metres(points, steps, columns=columns, reported=reported, source=source)
+    doubts += _coarse_steps(points, 1.0, columns=columns)
     return Placed(points=points, frame=None, as_given=unit == "m", doubts=doubts)
 
 
@@ -166,13 +176,9 @@ def _check_metres(
             f"{source}: {x} {points[0, 0]:.0f} and {y} {points[0, 1]:.0f} look like Web Mercator, whose metres are none on the "
             "ground; give --crs EPSG:3857, or the CRS that they are in"
         )
-    speed = steps.usual_speed(points)
     as_feet = f"give --columns x_ft={x} y_ft={y} if they are feet"
-    if MAX_USUAL_MPS < speed < MAX_USUAL_MPS / METRES_PER_FOOT and steps.advance_share(points) > MIN_ADVANCE_SHARE:
-        raise TraceError(
-            f"{source}: in metres and seconds vehicles would move at {speed:.0f} m/s ({speed / 0.44704:.0f} mph), in feet at "
-            f"{speed * METRES_PER_FOOT:.0f} m/s; {as_feet}, and see that times are seconds"
-        )
+    _refuse_other_units(points, steps, remedy=f"{as_feet}, and see that times are seconds", source=source)
+    speed = steps.usual_speed(points)
     if speed < 0.1 and 1.0 < 1000 * speed < MAX_USUAL_MPS and steps.advance_share(points) > MIN_ADVANCE_SHARE:
         raise TraceError(
             f"{source}: vehicles would move at {speed:.3f} m/s, at {1000 * speed:.0f} m/s if the times are milliseconds; give "
@@ -190,3 +196,35 @@ def _check_metres(
     return (
         f"vehicles move {ratio:.2f} times as fast from fix to fix as they report, {other}; see the units of {x}, {y} and speed",
     )
+
+
+def _refuse_other_units(points: FloatArray, steps: Steps, *, remedy: str, source: str) -> None:
+    """Raise TraceError where vehicles would be faster than any traffic in metres, and in feet would not."""
+    speed = steps.usual_speed(points)
+    if MAX_USUAL_MPS < speed < MAX_USUAL_MPS / METRES_PER_FOOT and steps.advance_share(points) > MIN_ADVANCE_SHARE:
+        raise TraceError(
+            f"{source}: in metres and seconds vehicles would move at {speed:.0f} m/s ({speed / 0.44704:.0f} mph), in feet at "
+            f"{speed * METRES_PER_FOOT:.0f} m/s; {remedy}"
+        )
+
+
+def _coarse_steps(values: FloatArray, metres_per_unit: float, *, columns: tuple[Column, Column]) -> tuple[str, ...]:
+    """A doubt where both coordinates (n, 2) were rounded to steps that a map of lanes feels."""
+    some = values[np.isfinite(values).all(axis=1)][:: max(1, len(values) // 2000)]
+    steps_m = [_rounding_step(axis) * metres_per_unit for axis in some.T]
+    step_m = max(steps_m)
+    if min(steps_m) <= 0 or step_m < COARSE_M:
+        return ()
+    names = f"{columns[1].name} and {columns[0].name}"
+    return (f"{names} are rounded to steps of {step_m:.2g} m: the map can be no finer",)
+
+
+def _rounding_step(values: FloatArray) -> float:
+    """The step to which all values (n,) were rounded, by decimals or as numbers of 4 bytes; 0 where they were not."""
+    if not len(values):
+        return 0.0
+    for decimals in range(MAX_DECIMALS + 1):
+        if (np.abs(values - np.round(values, decimals)) < 1e-9 * 10.0**-decimals + 1e-15 * np.abs(values)).all():
+            return float(10.0**-decimals)
+    short = values.astype(np.float32)
+    return float(np.spacing(np.abs(short).max())) if (short == values).all() else 0.0

@@ -1,7 +1,8 @@
 """Which column of anybody's table holds what: the names that data providers, receivers and SUMO use, and units in names.
 
 Names are compared in lower case and without anything but letters and digits; a unit may follow, as in
-`speed_mph`, `Heading(Deg)` or `time_ms`.
+`speed_mph`, `Heading(Deg)` or `time_ms`. Where none has the name of something that is needed, the one
+column counts whose last words are such a name, as in `start_lat` or `event_timestamp`.
 
 Sources of the names: probe-data tables of vehicle makers (journeyId, capturedTimestamp), the Connected Vehicle Pilots' BSM
 tables on data.transportation.gov (coreData_*), the Safety Pilot Model Deployment (DevID, Gentime), the US DOT work zone data
@@ -18,14 +19,16 @@ from wzsumo.errors import TraceError
 NAMES = {
     "vehicle_id": (
         "vehicleid", "journeyid", "tripid", "traceid", "trackid", "driveid", "vehicle", "trip", "journey", "trace", "vehid",
-        "veh", "coredataid", "payloaddatacoredataid", "bsmid", "tempid", "temporaryid", "deviceid", "devid", "txdevice",
+        "veh", "trajectoryid", "uuid", "coredataid", "payloaddatacoredataid", "bsmid", "tempid", "temporaryid", "deviceid",
+        "devid", "txdevice",
         "device", "hashedid", "userid", "driverid", "vin", "objectid", "id",
     ),
     "time": (
         "time", "timestamp", "capturedtimestamp", "timesteptime", "datetime", "gpsdatetime", "gpstime", "utctime", "utc",
         "recordedat", "capturedat", "metadatarecordgeneratedat", "recordgeneratedat", "metadatagenerateat", "gentime", "epoch",
-        "epochtime", "unixtime", "unixtimestamp", "positiontime", "eventtime", "localtime", "ts", "t",
+        "epochtime", "unixtime", "unixtimestamp", "positiontime", "eventtime", "localtime", "ts", "t", "date",
     ),
+    "date": ("date", "localdate", "utcdate", "gpsdate", "day"),
     "x": ("x", "vehiclex", "easting", "utmx", "xcoordinate", "posx", "positionx"),
     "y": ("y", "vehicley", "northing", "utmy", "ycoordinate", "posy", "positiony"),
     "lat": (
@@ -56,16 +59,22 @@ UNITS = {
     "kmph": "km/h", "mph": "mph", "kn": "kn", "knots": "kn", "cm": "cm", "fps": "ft/s",
     "e6": "e6", "e7": "e7", "semicircles": "semicircles", "microdegrees": "e6",
 }  # fmt: skip
+NEEDED = ("vehicle_id", "time", "lat", "lon")  # what a column is looked for by the last words of its name
+LEAST_NAME = 3  # letters: shorter ones, as "id" and "x", end many names that mean something else
 _OF_SPEED = {"ms": "m/s", "fts": "ft/s"}  # "Speed(m/s)" and "speed_ms" are no milliseconds
 
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """A column of a table: its name, the unit that the name says (None: none), whether the name is the toolkit's own."""
+    """A column of a table: its name, the unit that the name says (None: none), whether the name is the toolkit's own.
+
+    `by_end` says that it was found by the last words of its name.
+    """
 
     name: str
     unit: str | None
     own: bool = False
+    by_end: bool = False
 
 
 def columns_of(names: list[str], *, chosen: Mapping[str, str], source: str) -> dict[str, Column]:
@@ -86,7 +95,7 @@ def columns_of(names: list[str], *, chosen: Mapping[str, str], source: str) -> d
         own_unit = next((u for m, _, u in _meanings(name) if m == meaning), None) or _trailing_unit(name)
         columns = {other: column for other, column in columns.items() if column.name != name}
         columns[meaning] = Column(name=name, unit=unit or own_unit)
-    return columns
+    return columns | _by_last_words(names, columns, source=source)
 
 
 OWN = {
@@ -110,6 +119,34 @@ def _meanings(name: str) -> list[tuple[str, int, str | None]]:
             elif bare.startswith(known) and (unit := _unit(bare.removeprefix(known), meaning)):
                 found.append((meaning, rank, unit))
     return found
+
+
+def _by_last_words(names: list[str], columns: dict[str, Column], *, source: str) -> dict[str, Column]:
+    """Columns for what is needed and was not found. Raises TraceError where two end alike: which is meant, their user knows."""
+    plane = {"x", "y"} <= set(columns)
+    taken = {column.name for column in columns.values()}
+    found = {}
+    for meaning in NEEDED:
+        if meaning in columns or (plane and meaning in {"lat", "lon"}):
+            continue
+        ending = [(name, unit) for name in names if name not in taken for unit in _ends_with(name, meaning)]
+        if len(ending) > 1:
+            choices = " or ".join(f"--columns {meaning}={name}" for name, _ in ending[:4])
+            raise TraceError(f"{source}: {len(ending)} columns may hold {meaning}; say which: {choices}")
+        if ending:
+            found[meaning] = Column(name=ending[0][0], unit=ending[0][1], by_end=True)
+    return found
+
+
+def _ends_with(name: str, meaning: str) -> list[str | None]:
+    """The unit behind a column's name, in a list, where its last words are a name of that meaning; else nothing."""
+    words = [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]
+    for unit, rest in ((None, words), (_unit(words[-1], meaning) if words else None, words[:-1])):
+        for first in range(1, len(rest)) if rest is words or unit else ():
+            end = "".join(rest[first:])
+            if end in NAMES[meaning] and len(end) >= LEAST_NAME and (meaning != "vehicle_id" or end.endswith("id")):
+                return [unit]
+    return []
 
 
 def _unit(word: str, meaning: str) -> str | None:

@@ -10,16 +10,17 @@ from wzsumo.errors import TraceError
 from wzsumo.files.fixes.coordinates import METRES_PER_UNIT, Placed, place_degrees, place_metres
 from wzsumo.files.fixes.dialects import Column, columns_of
 from wzsumo.files.fixes.speeds import SPEED_UNITS, Steps, steps_between, unit_of_ratio
-from wzsumo.files.fixes.times import Times, times_of
-from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle
+from wzsumo.files.fixes.sumo_fcd import is_fcd, moved_from_bumper, turned_to_north, without_empty_steps
+from wzsumo.files.fixes.times import Times, are_clock_times, times_of, with_date
+from wzsumo.frames import FloatArray, heading_from_sumo_angle
 from wzsumo.geography import LocalFrame
 
-SUMO_LENGTH_M = 5.0  # SUMO's default vehicle length (docs, Vehicle Type Parameter Defaults)
 # Standard deviation of one coordinate for a dilution of precision of 1: 4 m user-equivalent range error (GPS SPS Performance
 # Standard 2020 gives 95 % below 8 m, global average, which is 4 m of one standard deviation).
 RANGE_ERROR_M = 4.0
 RADIUS_68_PER_SD = 1.51  # of a round normal distribution: sqrt(-2 ln 0.32); Android and iOS report the radius of 68 %
 MAX_HEADING_ERROR_RAD = np.pi / 4  # median against the way that is driven; beyond it the column is not used. Chosen by us
+MAX_NAMES_SHOWN = 300  # letters of a file's column names in a message
 PLAUSIBLE_M = {"length_m": (0.5, 30.0), "width_m": (0.3, 5.0)}  # bicycle to road train; median of a column in metres
 
 
@@ -60,27 +61,33 @@ def fixes_of(
     """
     raw.columns = raw.columns.map(str)
     found = columns_of(list(raw.columns), chosen=columns, source=source)
-    words = _Words()
+    if is_fcd(found):
+        raw = without_empty_steps(raw, found)
+    words = _Words(said=[f"{column.name} is taken for {meaning}" for meaning, column in found.items() if column.by_end])
     ids = _ids(raw, found, drive=drive, words=words)
-    if ids is None or "time" not in found or not ({"x", "y"} <= set(found) or {"lat", "lon"} <= set(found)) or raw.empty:
-        return Fixes(table=_as_it_stands(raw, found))  # what it lacks is told by the check of trace tables
-    times = times_of(raw[found["time"].name], unit=found["time"].unit, source=source) or Times(
-        seconds=np.full(len(raw), np.nan), utc=False
-    )
+    if raw.empty:
+        return Fixes(table=_as_it_stands(raw, found))  # that it is empty is told by the check of trace tables
+    if ids is None or "time" not in found or not ({"x", "y"} <= set(found) or {"lat", "lon"} <= set(found)):
+        raise TraceError(f"{source}: {_what_is_missing(raw, found, has_ids=ids is not None)}")
+    times = _times(raw, found, source=source)
     steps = steps_between(np.asarray(pd.factorize(ids)[0], dtype=np.int64), times.seconds)
     speed, reported = _speed_column(raw, found)
     placed = _placed(raw, found, steps, reported=reported, crs=crs, frame=frame, source=source)
     words.said += [*times.said, *placed.said]
     words.doubts += placed.doubts
     table = pd.DataFrame({"vehicle_id": ids})
-    table["time_s"] = raw[found["time"].name] if np.isnan(times.seconds).all() else times.seconds
+    table["time_s"] = times.seconds
     kept = placed.as_given and found["x"].own
     for axis, name in enumerate(("x", "y")):  # as they stand where they are metres, so that a bad value can be named
         table[f"{name}_m"] = raw[found[name].name] if kept else placed.points[:, axis]
     _add_motion(table, raw, found, steps=steps, placed=placed, speed=speed, words=words)
     _add_sizes(table, raw, found, source=source)
     _add_accuracy(table, raw, found, words=words)
-    _move_from_bumper(table, found, words=words)
+    if is_fcd(found) and "heading_rad" in table:
+        table, said = moved_from_bumper(table)
+        words.said.append(said)
+    elif is_fcd(found):
+        words.doubts.append("without angles SUMO's points stay at the front bumper, some 2.5 m ahead of the vehicle's middle")
     if "elevation" in found:
         words.said.append(f"{found['elevation'].name} is not used: maps are flat")
     return Fixes(table=table, frame=placed.frame, utc=times.utc, said=tuple(words.said), doubts=tuple(words.doubts))
@@ -90,6 +97,34 @@ def _as_it_stands(raw: pd.DataFrame, found: dict[str, Column]) -> pd.DataFrame:
     """The raw table with the columns that were found under the toolkit's names."""
     names = {"vehicle_id": "vehicle_id", "time": "time_s", "x": "x_m", "y": "y_m"}
     return raw.rename(columns={column.name: names[key] for key, column in found.items() if key in names})
+
+
+def _what_is_missing(raw: pd.DataFrame, found: dict[str, Column], *, has_ids: bool) -> str:
+    """What a table needs and has no column for, with the remedy."""
+    lacking = [] if has_ids else ["vehicle_id"]
+    lacking += [] if "time" in found else ["time"]
+    plane = bool({"x", "y"} & set(found))
+    place = [key for key in (("x_m", "y_m") if plane else ("lat", "lon")) if key.removesuffix("_m") not in found]
+    lacking += place
+    named = ", ".join(lacking) + (" (or x_m, y_m)" if place and not plane else "")
+    remedy = " ".join(f"{key}=NAME" for key in lacking)
+    given = ", ".join(map(str, raw.columns))
+    return f"no column for {named}; say which holds what with --columns {remedy}; the file has {given[:MAX_NAMES_SHOWN]}"
+
+
+def _times(raw: pd.DataFrame, found: dict[str, Column], *, source: str) -> Times:
+    """Times of the rows, of a column of dates beside it where it holds times of day. Raises TraceError where it holds none."""
+    column = raw[found["time"].name]
+    if "date" in found and found["date"].name != found["time"].name and are_clock_times(column):
+        column = with_date(column, raw[found["date"].name])
+    times = times_of(column, unit=found["time"].unit, source=source)
+    if times is None:
+        first = str(column.iloc[0])[:40]
+        raise TraceError(
+            f"{source}: {column.name} of row 0 is {first!r}: neither seconds nor a date of a known form; give ISO 8601 as "
+            "2026-06-01T14:00:00Z, or seconds since 1970"
+        )
+    return times
 
 
 def _ids(raw: pd.DataFrame, found: dict[str, Column], *, drive: str | None, words: _Words) -> "pd.Series[str] | None":
@@ -154,7 +189,11 @@ def _add_motion(
         table["heading_rad"] = raw[column.name]
         return
     heading = _heading(_numbers(raw, column), unit=column.unit, placed=placed)
-    error = _heading_error(heading, steps, placed.points)
+    off = _way_off(heading, steps, placed.points)
+    if is_fcd(found) and placed.frame is not None and not placed.as_given:
+        heading, said = turned_to_north(heading, off)
+        words.said += [said] if said else []
+    error = float(np.median(np.abs(off))) if off.size else 0.0
     if error > MAX_HEADING_ERROR_RAD:
         words.doubts.append(
             f"{column.name} is off the way that is driven by a median of {np.rad2deg(error):.0f} degrees and is not used"
@@ -172,13 +211,13 @@ def _heading(values: FloatArray, *, unit: str | None, placed: Placed) -> FloatAr
     return heading_from_sumo_angle(degrees - np.rad2deg(turned))
 
 
-def _heading_error(heading: FloatArray, steps: Steps, points: FloatArray) -> float:
+def _way_off(heading: FloatArray, steps: Steps, points: FloatArray) -> FloatArray:
+    """Angles (k,) [rad] from the headings of moving vehicles to the way that they drive, to the left."""
     way = points[steps.last] - points[steps.first]
     moved = np.hypot(*way.T) > 5.0
     off = np.arctan2(way[moved, 1], way[moved, 0]) - heading[steps.first[moved]]
-    off = np.abs(np.arctan2(np.sin(off), np.cos(off)))
-    off = off[np.isfinite(off)]
-    return float(np.median(off)) if off.size else 0.0
+    off = np.arctan2(np.sin(off), np.cos(off))
+    return np.asarray(off[np.isfinite(off)])
 
 
 def _add_sizes(table: pd.DataFrame, raw: pd.DataFrame, found: dict[str, Column], *, source: str) -> None:
@@ -214,14 +253,3 @@ def _add_accuracy(table: pd.DataFrame, raw: pd.DataFrame, found: dict[str, Colum
     elif "hdop" in found:
         table["position_sd_m"] = _numbers(raw, found["hdop"]) * RANGE_ERROR_M / np.sqrt(2)
         words.said.append(f"{found['hdop'].name} is read as the dilution of a range error of {RANGE_ERROR_M:g} m")
-
-
-def _move_from_bumper(table: pd.DataFrame, found: dict[str, Column], *, words: _Words) -> None:
-    """Move SUMO's points, which are of the front bumper, to the middle of the vehicle."""
-    if found.get("time", Column(name="", unit=None)).name != "timestep_time" or "heading_rad" not in table:
-        return
-    poses = table[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
-    moved = advance(poses, -np.asarray(table.get("length_m", SUMO_LENGTH_M), dtype=float) / 2)
-    table["x_m"], table["y_m"] = moved[:, 0], moved[:, 1]
-    said = "half of their length" if "length_m" in table else f"{SUMO_LENGTH_M / 2:g} m, half of SUMO's default length"
-    words.said.append(f"SUMO's points of the front bumper are moved back by {said}")

@@ -3,22 +3,20 @@
 import csv
 import gzip
 import io
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import pandas as pd
-import pyarrow as pa
 from pyarrow import ArrowException
 
 from wzsumo.errors import TraceError
+from wzsumo.files.fixes.point_columns import table_of_arrow, with_points_of_text
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".geoparquet", ".xml", ".gpx")  # each but Parquet may be followed by .gz
+UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+\s*$")
-DEFAULT_CRS = "OGC:CRS84"  # of GeoParquet that names none (GeoParquet 1.1, "crs")
 
 
 def table_files(path: Path) -> list[Path]:
@@ -49,18 +47,6 @@ def read_table(path: Path) -> tuple[pd.DataFrame, str | None]:
         raise TraceError(f"{path}: cannot be read as a trace table ({why})") from None
 
 
-def table_of_arrow(table: pa.Table) -> tuple[pd.DataFrame, str | None]:
-    """(the table, the CRS of its geometry where it has one); GeoParquet's points become columns x and y."""
-    geometry, crs = _geometry_column(table)
-    if geometry is None:
-        return table.to_pandas(), None
-    import shapely
-
-    points = shapely.from_wkb(table[geometry].to_numpy())
-    frame = table.drop_columns([geometry]).to_pandas()
-    return frame.assign(x=shapely.get_x(points), y=shapely.get_y(points)), crs
-
-
 def _kind(path: Path) -> str:
     """The suffix that says what a file is, lower case; empty where it is no trace file."""
     suffixes = [suffix.lower() for suffix in path.suffixes]
@@ -74,12 +60,18 @@ def _bytes(path: Path) -> bytes:
 
 
 def _read_text(path: Path) -> tuple[pd.DataFrame, str | None]:
-    content = _bytes(path)
-    first = content[:65536].decode("utf-8-sig", errors="replace").splitlines()
+    content, encoding = _bytes(path), "utf-8-sig"
+    if content.startswith(UTF_16_MARKS):
+        encoding = "utf-16"  # "Unicode text" of spreadsheets
+    first = content[:65536].decode(encoding, errors="replace").splitlines()
     separator = _separator(first[0] if first else "")
     comma = separator != "," and len(first) > 1 and any(_DECIMAL_COMMA.match(word) for word in first[1].split(separator))
     decimal = "," if comma else "."  # as in exports of many countries
-    return pd.read_csv(io.BytesIO(content), sep=separator, decimal=decimal, encoding="utf-8-sig", low_memory=False), None
+    try:
+        table = pd.read_csv(io.BytesIO(content), sep=separator, decimal=decimal, encoding=encoding, low_memory=False)
+    except UnicodeDecodeError:
+        raise ValueError("its text is neither UTF-8 nor UTF-16; save it as UTF-8") from None
+    return with_points_of_text(table), None
 
 
 def _separator(header: str) -> str:
@@ -91,19 +83,6 @@ def _read_parquet(path: Path) -> tuple[pd.DataFrame, str | None]:
     import pyarrow.parquet as pq
 
     return table_of_arrow(pq.read_table(path))
-
-
-def _geometry_column(table: pa.Table) -> tuple[str | None, str | None]:
-    metadata = (table.schema.metadata or {}).get(b"geo")
-    if metadata is None:
-        return None, None
-    about: dict[str, Any] = json.loads(metadata)
-    name = about.get("primary_column", "geometry")
-    column = about.get("columns", {}).get(name, {})
-    if name not in table.column_names or column.get("encoding", "WKB") != "WKB":
-        return None, None
-    crs = column.get("crs", DEFAULT_CRS)
-    return name, crs if isinstance(crs, str) or crs is None else json.dumps(crs)
 
 
 def _read_xml(path: Path) -> tuple[pd.DataFrame, str | None]:

@@ -1,5 +1,6 @@
 """Times in seconds, from numbers of any common unit and from dates."""
 
+import re
 import warnings
 from dataclasses import dataclass
 from typing import Any
@@ -14,8 +15,15 @@ PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 # Epoch times of the years 2001 to 2286 in each unit; times that count from a file's own start are smaller.
 EPOCH_FROM_S, EPOCH_UNTIL_S = 1e9, 1e10
 COUNTER_FROM = 1e11  # seconds of 3,000 years
-# Forms of dates beside ISO 8601, as the US DOT work zone data collection tool and spreadsheets write them.
-OTHER_FORMS = ("%Y/%m/%d-%H:%M:%S:%f", "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %H:%M:%S", "%m/%d/%Y %H:%M", "%Y/%m/%d %H:%M:%S")
+# Forms of dates beside ISO 8601, as the US DOT work zone data collection tool, spreadsheets and databases write them. Of two
+# that read as many dates the first is taken: the month before the day, where no number is above 12.
+OTHER_FORMS = (
+    "%Y/%m/%d-%H:%M:%S:%f", "%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %I:%M %p", "%m/%d/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S.%f",
+    "%m/%d/%Y %H:%M", "%Y/%m/%d %H:%M:%S", "%Y/%m/%d %H:%M:%S.%f", "%d/%m/%Y %H:%M:%S", "%d/%m/%Y %H:%M", "%d.%m.%Y %H:%M:%S",
+    "%d.%m.%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S", "%d %b %Y %H:%M:%S",
+)  # fmt: skip
+CLOCK = re.compile(r"\s*\d{1,2}:\d\d(:\d\d([.,]\d+)?)?(\s*[AaPp][Mm])?\s*")  # a time of day without a date
+LOOKED_AT = 1000  # dates of a column by which its form is told
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,6 +42,13 @@ def times_of(column: "pd.Series[Any]", *, unit: str | None, source: str) -> Time
     numbers = _numbers(column)
     if numbers is not None:
         return _times_of_numbers(numbers, name=str(column.name), unit=None if unit == "utc" else unit)
+    if are_clock_times(column):
+        seconds = _since_midnight(column).dt.total_seconds()
+        return Times(
+            seconds=np.asarray(seconds, dtype=np.float64),
+            utc=False,
+            said=(f"{column.name} is read as the time of one day that is not said",),
+        )
     dates, form = _dates(column)
     if dates is None:
         return None
@@ -77,19 +92,51 @@ def _date(seconds: float) -> str:
     return str(np.datetime64(int(seconds), "s"))[:10]
 
 
+def are_clock_times(column: "pd.Series[Any]") -> bool:
+    """Whether a column holds times of day without a date."""
+    if column.dtype.kind in "iufM" or isinstance(column.dtype, pd.DatetimeTZDtype):
+        return False
+    words = _sample(column.dropna()).astype("str")
+    return bool(len(words)) and 2 * int(words.str.fullmatch(CLOCK).sum()) > len(words)
+
+
+def with_date(clock: "pd.Series[Any]", date: "pd.Series[Any]") -> "pd.Series[Any]":
+    """A column of dates with times, of a column of times of day and one of dates, under both their names."""
+    joined: pd.Series[Any] = date.astype("str").str.strip() + " " + clock.astype("str").str.strip()
+    return joined.rename(f"{date.name} and {clock.name}")
+
+
+def _since_midnight(column: "pd.Series[Any]") -> "pd.Series[Any]":
+    """Durations since midnight."""
+    text = "2000-01-01 " + column.astype("str").str.strip().str.replace(",", ".", regex=False)
+    half_days = bool(_sample(text).str.contains(r"[AaPp][Mm]$", regex=True).any())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        stamps = pd.to_datetime(text, format="mixed" if half_days else "ISO8601", errors="coerce")
+    return stamps - pd.Timestamp("2000-01-01")
+
+
 def _dates(column: "pd.Series[Any]") -> tuple["pd.Series[pd.Timestamp] | None", str]:
     if column.dtype.kind == "M" or isinstance(column.dtype, pd.DatetimeTZDtype):
         return column, ""
-    for form in ("ISO8601", *OTHER_FORMS):
-        dates = _parsed(column, form)
-        if 2 * int(dates.notna().sum()) > len(dates):
-            return dates, "" if form == "ISO8601" else f" of the form {form}"
-    return None, ""
+    some = _sample(column)
+    read = {form: int(_parsed(some, form).notna().sum()) for form in ("ISO8601", *OTHER_FORMS)}
+    form = max(read, key=read.__getitem__)
+    dates = _parsed(column, form) if read[form] else None
+    if dates is None or 2 * int(dates.notna().sum()) <= len(dates):
+        return None, ""
+    return dates, "" if form == "ISO8601" else f" of the form {form}"
+
+
+def _sample(column: "pd.Series[Any]") -> "pd.Series[Any]":
+    return column.iloc[:: max(1, len(column) // LOOKED_AT)]
 
 
 def _parsed(column: "pd.Series[Any]", form: str) -> "pd.Series[pd.Timestamp]":
     """Dates of one form, NaT where a row has another one; dates with different offsets come in UTC."""
     text = column.astype("str")
+    if text.head(100).str.contains(r"\s(?:UTC|GMT)\s*$", regex=True).any():
+        text = text.str.replace(r"\s(?:UTC|GMT)\s*$", "Z" if form == "ISO8601" else "", regex=True)
     zoned = bool(text.head(100).str.contains(r"(?:Z|[+-]\d\d:?\d\d)\s*$", regex=True).any()) and form == "ISO8601"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
