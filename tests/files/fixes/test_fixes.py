@@ -107,8 +107,11 @@ def test_points_in_one_column_of_text_or_of_geoarrow_are_read(tmp_path: Path) ->
 
     plain = provider(DRIVE).drop(columns=["latitude", "longitude"])
     points = np.array([shapely.Point(lon, lat) for lon, lat in DRIVE[["lon", "lat"]].to_numpy()])
-    texts: dict[str, Any] = {"geom": shapely.to_wkt(points, rounding_precision=-1), "wkt": [f"SRID=4326;{p.wkt}" for p in points],
-             "the_geom": shapely.to_wkb(points, hex=True)}  # fmt: skip
+    texts: dict[str, Any] = {
+        "geom": shapely.to_wkt(points, rounding_precision=-1),
+        "wkt": [f"SRID=4326;{point.wkt}" for point in points],
+        "the_geom": shapely.to_wkb(points, hex=True),
+    }
     for name, text in texts.items():
         assert_is_the_drive(read(tmp_path / f"{name}.csv", plain.assign(**{name: text})))
     table = geopandas.GeoDataFrame(plain, geometry=points, crs="EPSG:4326")
