@@ -124,6 +124,8 @@ def test_zone_without_a_road_is_told_along_the_traces(tmp_path: Path, capsys: py
     )
     assert code == 0
     assert figures["announced"]["end_m"] - figures["announced"]["start_m"] == pytest.approx(350.0, abs=2.0)
+    # The feed has two lanes, vehicles drove in one: its lanes are not compared, by the number that the map has.
+    assert any("says 2 lanes where the road has 1" in word for word in figures["warnings"])
     assert any("told, not used" in word for word in figures["warnings"])
 
 

@@ -144,6 +144,51 @@ def test_feed_without_an_event_on_the_road_is_refused_with_the_reason(case: str)
     assert str(refused.value).startswith("f: no event passes along the road")
 
 
+def moved(given: dict[str, Any], east_deg: float, name: str) -> dict[str, Any]:
+    line = [[lon + east_deg, lat] for lon, lat in given["geometry"]["coordinates"]]
+    return given | {"id": name, "geometry": {"type": "LineString", "coordinates": line}}
+
+
+def test_events_of_a_whole_state_are_told_by_their_number_and_the_nearest() -> None:
+    state = [moved(event(), 0.1 * number, f"far-{number}") for number in range(1, 400)]
+    detours = [event(id=f"detour-{number}", core={"event_type": "detour"}) for number in range(5)]
+    found = announced(*state, event(id="here", lanes=lanes("closed", "open", "open")), *detours)
+    assert found.events == ("here",)
+    told = [word for word in found.said if "lie elsewhere" in word]
+    assert told == ["399 of 405 event(s) lie elsewhere for the most part, the nearest (far-1) 7.1 km from the road"]
+    assert len([word for word in found.said if "detour" in word]) == 3
+    assert "2 event(s) more" in found.said
+    with pytest.raises(FeedError, match=r"399 of 399 event\(s\) lie elsewhere") as refused:
+        announced(*state)
+    assert len(str(refused.value)) < 300
+
+
+def test_exchanged_coordinates_of_a_feed_are_told() -> None:
+    line = PLACE.to_lonlat(ROAD.to_xy([300.0, 900.0], 5.0))[:, ::-1].tolist()  # latitudes of 93 degrees
+    events, faults = road_events(feed(event() | {"geometry": {"type": "LineString", "coordinates": line}}), source="f")
+    with pytest.raises(
+        FeedError, match=r"holds \[41.6.*, -93.6.*\], which is no longitude and latitude; the longitude comes first"
+    ):
+        announced_on(events, ROAD, frame=PLACE, times_s=None, source="f", faults=faults)
+    place = local_frame([[-80.3, 27.2]])  # where both orders are places on earth
+    there = place.to_lonlat(ROAD.to_xy(np.linspace(300.0, 900.0, 5), 5.0))
+    swapped = road_events(
+        feed(event() | {"geometry": {"type": "LineString", "coordinates": there[:, ::-1].tolist()}}), source="f"
+    )
+    with pytest.raises(FeedError, match="with latitude and longitude exchanged one would"):
+        announced_on(swapped[0], ROAD, frame=place, times_s=None, source="f")
+
+
+def test_lanes_are_compared_with_those_that_a_map_has_along_a_line_without_any() -> None:
+    line = Road(reference_line=ROAD.reference_line, lane_widths=(0.0,), left_shoulder=0.0, right_shoulder=0.0)
+    events, _ = road_events(feed(event(lanes=lanes("closed", "open"))), source="f")
+    told = announced_on(events, line, frame=PLACE, times_s=None, source="f", n_lanes=2).zone
+    assert (told.closed_lanes, told.side) == ((1,), "left")
+    other = announced_on(events, line, frame=PLACE, times_s=None, source="f", n_lanes=3)
+    assert other.zone.closed_lanes is None
+    assert any("says 2 lanes where the road has 3" in word for word in other.said)
+
+
 def test_moving_operation_is_taken_with_wide_ends() -> None:
     zone = announced(event(work_zone_type="moving")).zone
     assert zone.start_sd_m == zone.end_sd_m > 200
@@ -163,6 +208,11 @@ BROKEN = {
     "a list": (json.dumps([]), "is no FeatureCollection"),
     "version 3": (json.dumps(feed(event(), version="3.1")), "version='3.1' must be one of 4.0, 4.1, 4.2"),
     "no feed_info": (json.dumps(without(feed(event()), "feed_info")), "version='not said'"),
+    "devices with details": (
+        json.dumps(feed(event() | {"properties": {"core_details": {"device_type": "camera", "data_source_id": "1"}}})),
+        "has no road event",
+    ),
+    "properties of another kind": (json.dumps(feed(event() | {"properties": ["core_details"]})), "has no road event"),
     "devices": (json.dumps(feed({"id": "d", "type": "Feature", "properties": {}, "geometry": None})), "has no road event"),
 }
 
@@ -339,7 +389,7 @@ def test_line_that_leaves_the_road_counts_by_its_share_beside_it() -> None:
     away = PLACE.to_lonlat([*ROAD.to_xy([300.0, 600.0], 5.0), (600.0, 500.0)]).tolist()
     given = event() | {"geometry": {"type": "LineString", "coordinates": inside}}
     assert announced(given).zone.end_m == pytest.approx(900.0, abs=1.0)
-    with pytest.raises(FeedError, match="lies elsewhere"):
+    with pytest.raises(FeedError, match="lie elsewhere"):
         announced(event() | {"geometry": {"type": "LineString", "coordinates": away}})
     assert not any("moving operation" in word for word in announced(given).said)
 

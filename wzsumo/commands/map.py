@@ -26,6 +26,7 @@ from wzsumo.files.ros_map import write_map
 from wzsumo.files.traces import read_fixes
 from wzsumo.lane_map import LaneMap
 from wzsumo.report.zone_page import write_zone_page
+from wzsumo.road import Road
 from wzsumo.scenario.known_road import KnownRoad, announcement_along, read_known_road
 from wzsumo.scenario.road_before import check_on_road, map_before
 from wzsumo.units import METRES_PER_FOOT
@@ -99,6 +100,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     made = map_of_traces(
         traces, method, source=source, seed=args.seed, resolution_m=args.resolution_m, before=before, progress=progress_bar
     )
+    if known is not None and args.road is None and made.lanes:
+        known = _told_along(args.zone, made.lanes.axis, traces, fixes, n_lanes=len(made.lanes.lanes))
     doubts = [*fixes.doubts, *(known.said if known else ())]
     with staged_folder(args.out) as stage:
         write_map(made.grid, stage)
@@ -138,10 +141,14 @@ def _known_road(args: argparse.Namespace, traces: pd.DataFrame, fixes: Fixes, *,
         raise InputError("--edges and --shoulders-ft: are of a network; name it with --road NET.net.xml")
     if args.zone is None:
         return None
-    line = reference_line_from_traces(traces)
-    zone, said, details = announcement_along(args.zone, line, traces=traces, frame=fixes.frame, utc=fixes.utc)
+    return _told_along(args.zone, reference_line_from_traces(traces), traces, fixes, n_lanes=None)
+
+
+def _told_along(zone: str, line: Road, traces: pd.DataFrame, fixes: Fixes, *, n_lanes: int | None) -> KnownRoad:
+    """What is announced along a line of traces or the axis of a map, whose lanes it is compared with."""
+    found, said, details = announcement_along(zone, line, traces=traces, frame=fixes.frame, utc=fixes.utc, n_lanes=n_lanes)
     word = "the announced zone is told, not used: a map is joined to it on a road (--road)"
-    return KnownRoad(road=line, announced=zone, said=(*said, word), details=details)
+    return KnownRoad(road=line, announced=found, said=(*said, word), details=details)
 
 
 def _road_figures(known: KnownRoad | None) -> dict[str, Any]:

@@ -5,7 +5,7 @@ other are taken together. What is left out, and what is taken for what, is said.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ STEP_M = 10.0  # between the points at which an event's line is looked at
 SAME_WAY_RAD = np.pi / 2.5  # between the road's bearing and the name of an event's direction, which names one of four
 MOVING_SD_M = 500.0  # of the ends of an operation that moves while the feed is a minute or more old; chosen by us
 CLOSED = ("closed", "merge-left", "merge-right")  # the lane does not go through
+MAX_TOLD = 3  # events of one kind that a message names; a state has thousands
 THROUGH_LANES = ("general",)  # others (shoulder, exit-lane, bike-lane ...) come and go beside them
 
 
@@ -41,26 +42,40 @@ class _Passing:
     start_m: float
     end_m: float
     reversed: bool
+    said: tuple[str, ...]
 
 
 def announced_on(
-    events: Sequence[RoadEvent], road: Road, *, frame: LocalFrame, times_s: tuple[float, float] | None, source: str
-) -> Announcement:
+    events: Sequence[RoadEvent], road: Road, *, frame: LocalFrame, times_s: tuple[float, float] | None, source: str,
+    n_lanes: int | None = None, faults: Sequence[str] = (),
+) -> Announcement:  # fmt: skip
     """The zone that the events announce on a road, whose metres are those of a frame.
 
     `times_s` are the first and last time of the traces, where they count from 1970 UTC: events of other times are left out.
-    Raises FeedError where no event passes along the road.
+    `n_lanes` is how many lanes the road has (None: as its own lanes), `faults` tells the events that were broken. Raises
+    FeedError where no event passes along the road.
     """
-    said: list[str] = []
-    passing = [found for event in events if (found := _passing(event, road, frame, said)) is not None]
+    passing, elsewhere, others = [], [], []
+    for event in events:
+        found = _passing(event, road, frame)
+        if isinstance(found, _Passing):
+            passing.append(found)
+        elif isinstance(found, float):
+            elsewhere.append((found, event.id))
+        else:
+            others.append(found)
+    said = [*_at_most(others, "event(s) more"), *_elsewhere(elsewhere, len(events)), *_at_most(faults, "broken event(s) more")]
+    said += [word for found in passing for word in found.said]
     passing = _at_the_time(passing, times_s, said)
     if not passing:
+        if any(isinstance(_passing(_exchanged(event), road, frame), _Passing) for event in events):
+            said.insert(0, "with latitude and longitude exchanged one would: the longitude comes first")
         why = "; ".join(said) or "the feed has no event"
         raise FeedError(f"{source}: no event passes along the road of the traces, in their direction ({why})")
     passing.sort(key=lambda found: found.start_m)
     first = min(passing, key=lambda found: found.start_m)
     last = max(passing, key=lambda found: found.end_m)
-    lanes = _closed_lanes(passing, road, said)
+    lanes = _closed_lanes(passing, road.own_lanes if n_lanes is None else n_lanes, said)
     speeds = [found.event.speed_mps for found in passing if found.event.speed_mps is not None]
     if len(passing) > 1:
         said.append(f"{len(passing)} events are taken as one zone: {', '.join(found.event.id for found in passing)}")
@@ -70,41 +85,55 @@ def announced_on(
         start_sd_m=_sd(first, verified=first.event.end_verified if first.reversed else first.event.start_verified),
         end_sd_m=_sd(last, verified=last.event.start_verified if last.reversed else last.event.end_verified),
         closed_lanes=lanes,
-        side=_side(passing, lanes, road),
+        side=_side(passing, lanes, road.own_lanes if n_lanes is None else n_lanes),
         speed_mps=min(speeds, default=None),
         source=f"{source}#{first.event.id}",
     )
     return Announcement(zone=zone, events=tuple(found.event.id for found in passing), said=tuple(said))
 
 
-def _passing(event: RoadEvent, road: Road, frame: LocalFrame, said: list[str]) -> _Passing | None:
-    """The stretch of the road that an event passes along; None, and why, where it does not."""
+def _passing(event: RoadEvent, road: Road, frame: LocalFrame) -> _Passing | float | str:
+    """The stretch of the road that an event passes along; else how far off it lies [m], or why it does not count."""
     if event.kind != "work-zone":
-        said.append(f"{event.id}: a {event.kind} closes nothing on the road")
-        return None
+        return f"{event.id}: a {event.kind} closes nothing on the road"
     if event.movement == "planned-moving-area":
-        said.append(f"{event.id}: the planned area of a moving operation, which is no closed stretch")
-        return None
+        return f"{event.id}: the planned area of a moving operation, which is no closed stretch"
     line = frame.from_lonlat(event.lonlat)
     if not np.isfinite(line).all():
-        return None
+        return float("inf")
     s, d = road.to_sd(_resampled(line) if event.in_order else line)
     beside = (np.abs(d - road.travelled_width / 2) < BESIDE_M) & (s >= 0) & (s <= road.length)
     if beside.mean() < MIN_SHARE_BESIDE or np.ptp(s[beside]) <= 0:
-        far = float(np.min(np.hypot(*(line - road.to_xy(np.clip(road.to_sd(line)[0], 0, road.length), 0)).T)))
-        said.append(f"{event.id}: lies elsewhere ({far:.0f} m from the road at its nearest)")
-        return None
+        return float(np.min(np.hypot(*(line - road.to_xy(np.clip(road.to_sd(line)[0], 0, road.length), 0)).T)))
     start, end = float(s[beside].min()), float(s[beside].max())
     against = event.in_order and s[beside][-1] < s[beside][0]
     named = _runs_with(event, road, frame, (start + end) / 2)
     if named is False or (named is None and against):
-        said.append(f"{event.id}: {event.direction}, the other way")
-        return None
+        return f"{event.id}: {event.direction}, the other way"
+    said = []
     if against:
         said.append(f"{event.id}: its line runs against its direction ({event.direction}), and is taken the other way round")
     if event.movement == "moving":
         said.append(f"{event.id}: a moving operation, whose place is that of the feed's time")
-    return _Passing(event=event, start_m=start, end_m=end, reversed=bool(against))
+    return _Passing(event=event, start_m=start, end_m=end, reversed=bool(against), said=tuple(said))
+
+
+def _at_most(words: Sequence[str], more: str) -> list[str]:
+    """The first of many words, and how many there are more."""
+    return [*words[:MAX_TOLD], *([f"{len(words) - MAX_TOLD} {more}"] if len(words) > MAX_TOLD else [])]
+
+
+def _elsewhere(found: list[tuple[float, str]], n_events: int) -> list[str]:
+    """That events lie elsewhere, by the nearest of them."""
+    if not found:
+        return []
+    distance, nearest = min(found)
+    far = f"{distance:.0f} m" if distance < 1000 else f"{distance / 1000:.1f} km"
+    return [f"{len(found)} of {n_events} event(s) lie elsewhere for the most part, the nearest ({nearest}) {far} from the road"]
+
+
+def _exchanged(event: RoadEvent) -> RoadEvent:
+    return replace(event, lonlat=event.lonlat[:, ::-1])
 
 
 def _resampled(line: FloatArray) -> FloatArray:
@@ -143,7 +172,7 @@ def _sd(found: _Passing, *, verified: bool) -> float:
     return VERIFIED_SD_M if verified else ESTIMATED_SD_M
 
 
-def _closed_lanes(passing: Sequence[_Passing], road: Road, said: list[str]) -> tuple[int, ...] | None:
+def _closed_lanes(passing: Sequence[_Passing], n_lanes: int, said: list[str]) -> tuple[int, ...] | None:
     """Lanes from the right that some event closes; None where no event says so, or of another number of lanes."""
     closed: set[int] = set()
     known = False
@@ -153,18 +182,18 @@ def _closed_lanes(passing: Sequence[_Passing], road: Road, said: list[str]) -> t
             known = True
         elif not through:
             said.append(f"{event.id}: does not say which lanes it closes")
-        elif len(through) != road.own_lanes:
-            said.append(f"{event.id}: says {len(through)} lanes where the road has {road.own_lanes}; its lanes are not used")
+        elif len(through) != n_lanes:
+            said.append(f"{event.id}: says {len(through)} lanes where the road has {n_lanes}; its lanes are not used")
         else:
             known = True
             closed |= {number for number, lane in enumerate(through) if lane.status in CLOSED}
     return tuple(sorted(closed)) if known else None
 
 
-def _side(passing: Sequence[_Passing], lanes: tuple[int, ...] | None, road: Road) -> Side | None:
+def _side(passing: Sequence[_Passing], lanes: tuple[int, ...] | None, n_lanes: int) -> Side | None:
     """The side that is closed, by the lanes or by what traffic must do."""
     if lanes:
-        right, left = 0 in lanes, road.own_lanes - 1 in lanes
+        right, left = 0 in lanes, n_lanes - 1 in lanes
         return None if right == left else "right" if right else "left"
     impacts = {found.event.vehicle_impact for found in passing}
     if "some-lanes-closed-merge-left" in impacts:

@@ -73,7 +73,7 @@ def read_feed(path: Path) -> dict[str, Any]:
             f"{path}: feed_info.version={version!r} must be one of {', '.join(VERSIONS)}; ask the publisher for its feed of "
             "that version"
         )
-    if not any("core_details" in (found.get("properties") or {}) for found in feed["features"] if isinstance(found, dict)):
+    if not any(_is_road_event(found) for found in feed["features"]):
         raise FeedError(f"{path}: has no road event (a device feed, or empty); give the work zone feed of the publisher")
     return feed
 
@@ -109,18 +109,28 @@ def split_event(name: str) -> tuple[Path, str | None]:
     return Path(path), event_id or None
 
 
+def _is_road_event(found: Any) -> bool:
+    """Whether a feature is a road event: devices have core_details too, but no event_type."""
+    properties = found.get("properties") if isinstance(found, dict) else None
+    core = properties.get("core_details") if isinstance(properties, dict) else None
+    return isinstance(core, dict) and "event_type" in core
+
+
 def _event(found: Any, *, source: str) -> RoadEvent:
     name = f"{source}#{found.get('id', '?') if isinstance(found, dict) else '?'}"
     try:
         properties = found["properties"]
         core = properties["core_details"]
         geometry = found["geometry"]
+        if geometry["type"] not in {"LineString", "MultiPoint"}:
+            raise FeedError(f"{name}: geometry is a {geometry['type']}; WZDx has LineString or MultiPoint")
         points = np.array([position[:2] for position in geometry["coordinates"]], dtype=float).reshape(-1, 2)
-        if geometry["type"] not in {"LineString", "MultiPoint"} or len(points) < 2:
-            given = f"{geometry['type']} of {len(points)} points"
-            raise FeedError(f"{name}: geometry is a {given}; WZDx has lines or points, two or more")
-        if not (np.isfinite(points).all() and (np.abs(points) <= (180, 90)).all()):
-            raise FeedError(f"{name}: geometry holds {points[0].tolist()}, which is no longitude and latitude")
+        if len(points) < 2:
+            raise FeedError(f"{name}: geometry is a {geometry['type']} of {len(points)} points; WZDx has two or more")
+        wrong = ~(np.isfinite(points).all(axis=1) & (np.abs(points) <= (180, 90)).all(axis=1))
+        if wrong.any():
+            given = points[wrong][0].tolist()
+            raise FeedError(f"{name}: geometry holds {given}, which is no longitude and latitude; the longitude comes first")
         speed = properties.get("reduced_speed_limit_kph")
         return RoadEvent(
             id=str(found.get("id", "?")),

@@ -82,10 +82,10 @@ def read_known_road(
 
 
 def announcement_along(
-    zone: str, line: Road, *, traces: pd.DataFrame, frame: LocalFrame | None, utc: bool
+    zone: str, line: Road, *, traces: pd.DataFrame, frame: LocalFrame | None, utc: bool, n_lanes: int | None = None
 ) -> tuple[AnnouncedZone, tuple[str, ...], dict[str, Any]]:
-    """(what a feed announces along a road, what was said about it, the ids of its events)."""
-    announced, said, events = _announced(zone, line, traces=traces, frame=frame, utc=utc)
+    """(what a feed announces along a line, what was said about it, the ids of its events); `n_lanes` are along it."""
+    announced, said, events = _announced(zone, line, traces=traces, frame=frame, utc=utc, n_lanes=n_lanes)
     if announced is None:
         raise InputError(f"--zone {zone}: announces nothing")
     return announced, said, events
@@ -110,7 +110,7 @@ def _of_toml(path: Path, *, zone: str | None, traces: pd.DataFrame, frame: Local
 
 
 def _announced(
-    zone: str | None, road: Road, *, traces: pd.DataFrame, frame: LocalFrame | None, utc: bool
+    zone: str | None, road: Road, *, traces: pd.DataFrame, frame: LocalFrame | None, utc: bool, n_lanes: int | None = None
 ) -> tuple[AnnouncedZone | None, tuple[str, ...], dict[str, Any]]:
     if zone is None:
         return None, (), {}
@@ -125,8 +125,8 @@ def _announced(
     else:
         events, faults = [road_event(feed, event_id, source=str(path))], []
     times = (float(traces["time_s"].min()), float(traces["time_s"].max())) if utc else None
-    found = announced_on(events, road, frame=frame, times_s=times, source=str(path))
-    return found.zone, (*found.said, *faults), {"events": list(found.events)}
+    found = announced_on(events, road, frame=frame, times_s=times, source=str(path), n_lanes=n_lanes, faults=faults)
+    return found.zone, found.said, {"events": list(found.events)}
 
 
 def _details(found: FoundRoad) -> dict[str, Any]:
