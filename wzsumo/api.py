@@ -21,11 +21,11 @@ from wzsumo.placement.configuration import Configuration
 from wzsumo.placement.net import Net
 from wzsumo.placement.place_on_net import edge_near
 from wzsumo.placement.placement import place_zone, write_placement
-from wzsumo.placement.zone_file import ZoneToPlace
 from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.report.report import PAGE, write_report
 from wzsumo.scenario.scenario import Scenario
+from wzsumo.scenario.zone_to_place import read_zone_to_place
 from wzsumo.simulation.connection import refuse_without_display
 from wzsumo.vehicle import VehicleGeometry
 
@@ -116,7 +116,7 @@ def place(
         raise InputError("give the place of the zone either as at=(edge, position) or as at_latlon=(latitude, longitude)")
     if sumocfg and (routes or additionals):
         raise InputError("sumocfg names its routes and additionals itself; leave routes and additionals out")
-    to_place, network = ZoneToPlace.read(Path(zone)), Net.read(Path(net))
+    to_place, network = read_zone_to_place(Path(zone)), Net.read(Path(net))
     if sumocfg:
         configuration = Configuration.read(Path(sumocfg), net=Path(net))
     else:

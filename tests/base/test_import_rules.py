@@ -14,14 +14,15 @@ import wzsumo
 
 PACKAGE = Path(wzsumo.__file__).parent
 # The floors of the house, from the top. A module imports from its own folder and from lower floors; the stages share a floor
-# and import none of each other, as do `case`, `live` and `placement`.
+# and import none of each other, as do `case` and `live`.
 FLOORS = (
     ({"cli", "__main__", "commands"}, "one house"),
     ({"api"}, "one house"),
     ({"report", "figures"}, "one house"),
     ({"sweep"}, "one house"),
-    ({"case", "live", "placement"}, "apart"),
+    ({"case", "live"}, "apart"),
     ({"scenario"}, "one house"),
+    ({"placement"}, "one house"),
     (
         {"mutcd", "simulation", "sensing", "crowd_mapping", "lidar_mapping", "planning", "behaviour", "control", "metrics",
          "roads", "feeds", "files"},

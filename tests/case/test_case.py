@@ -19,6 +19,7 @@ from wzsumo.case.watch import Tell, Watch
 from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.traffic import TrafficMeasures, measure_traffic
 from wzsumo.planning.plan import Plan
+from wzsumo.scenario import facility
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.simulation.trips import TRIP_COLUMNS
 
@@ -41,7 +42,7 @@ def scenario(*, open_goal_lane: int | None = None) -> Scenario:
 def events(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """The calls of SUMO, planner and LiDAR, which all give what they are known to give, in their order."""
     found: list[Any] = []
-    files = SimpleNamespace(duration=300.0, step_length=0.25, folder=None)
+    files = SimpleNamespace(duration=300.0, step_length=0.25, folder=None, surroundings=None)
 
     def write_sumo_files(_layout: object, folder: Path, **given: Any) -> SimpleNamespace:
         found.append(("files", folder, given))
@@ -53,7 +54,7 @@ def events(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         return FLEET
 
     def read_trips(_path: object) -> pd.DataFrame:
-        rows = [(name, 0.0, True, True, 75.0, 3.0, LENGTH_M, 300.0, 0.2, 90.0) for name in FLEET["vehicle_id"].unique()]
+        rows = [(name, 0.0, True, True, 75.0, 3.0, 3.0, LENGTH_M, 300.0, 0.2, 90.0) for name in FLEET["vehicle_id"].unique()]
         return pd.DataFrame(rows, columns=list(TRIP_COLUMNS))
 
     def plan_for(method: MapMethod, _grid: OccupancyGrid, **_given: Any) -> Plan:
@@ -66,7 +67,7 @@ def events(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         on_share(0.5)
         return SimpleNamespace(maps=SimpleNamespace(birds_eye=coarse_site().cells))
 
-    monkeypatch.setattr(zone, "write_sumo_files", write_sumo_files)
+    monkeypatch.setattr(facility, "write_sumo_files", write_sumo_files)
     monkeypatch.setattr(zone, "simulate_fleet", simulate_fleet)
     monkeypatch.setattr(zone, "read_trips", read_trips)
     monkeypatch.setattr(zone, "trips_file", lambda files: files)

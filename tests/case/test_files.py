@@ -44,7 +44,7 @@ def method_result(plan: Plan, run: EgoRun | None = None) -> MethodResult:
 def a_case(**changes: Any) -> CaseResult:
     """Three traces collected, of which two are used; "driven" found a path and drove it, "closed" found none."""
     trips = pd.DataFrame(
-        [(name, 0.0, True, True, 75.0, 3.0, 1500.0, 300.0, 0.2, 90.0) for name in IDS], columns=list(TRIP_COLUMNS)
+        [(name, 0.0, True, True, 75.0, 3.0, 3.0, 1500.0, 300.0, 0.2, 90.0) for name in IDS], columns=list(TRIP_COLUMNS)
     )
     traffic = measure_traffic(FLEET, trips, SITE.layout, dt=0.25, warm_up_s=10.0)
     path = straight_path(SAFE_Y)

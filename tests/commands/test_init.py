@@ -73,6 +73,7 @@ def test_event_becomes_a_scenario_of_its_lanes_speed_place_and_length(
     assert code == 0
     scenario = load_scenario(tmp_path / "zone.toml")
     layout = scenario.layout()
+    assert scenario.road is not None
     assert (scenario.road.lane_count, scenario.work_zone.closed_lanes) == (3, (2,))
     assert scenario.work_zone.posted_speed_mph == 55
     assert layout.end - layout.start == pytest.approx(1502, abs=3)  # the line of the event is 1502 m long

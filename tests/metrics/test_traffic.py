@@ -36,7 +36,7 @@ def stream(*, n: int, headway_s: float, speed: float, offset: float = LANE_1_M) 
             "heading_rad": 0.0,
         }
         traces.append(pd.DataFrame(row | {"speed_mps": speed, "length_m": 4.8, "width_m": 1.85}))
-        trips.append((f"v{k:03d}", 2.0, True, True, length / speed, 7.0, length, 300.0, 0.2, 100.0))
+        trips.append((f"v{k:03d}", 2.0, True, True, length / speed, 7.0, 7.0, length, 300.0, 0.2, 100.0))
     return pd.concat(traces, ignore_index=True), pd.DataFrame(trips, columns=list(TRIP_COLUMNS))
 
 

@@ -33,6 +33,10 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> SumoFiles:
     return write_sumo_files(LAYOUT, tmp_path_factory.mktemp("session"), spec=spec, seed=3)
 
 
+def ids_of(files: SumoFiles) -> list[str]:
+    return [edge.id for edge in files.edges]
+
+
 def drive(
     session: Session,
     files: SumoFiles,
@@ -46,7 +50,7 @@ def drive(
 ) -> Iterator[tuple[EgoState, Traffic]]:
     """Yield (state, traffic) after each step of an ego that goes straight ahead at y."""
     lane = int(np.clip(y // LANE, 0, 2))
-    session.request_ego(CAR, edge=files.edges[0].id, lane=lane, position=x + CAR.axle_to_bumper_m, speed=speed)
+    session.request_ego(CAR, edges=ids_of(files), lane=lane, position=x + CAR.axle_to_bumper_m, speed=speed)
     while not session.has_ego():
         session.step()
     session.take_over_ego()
@@ -103,7 +107,7 @@ def test_ego_on_the_outer_side_of_a_kink_between_two_edges_is_counted_to_the_lan
     spec = SimulationSpec(demand=DemandSpec(flow_vph=200, duration_s=60))
     bent = write_sumo_files(layout, tmp_path, spec=spec, seed=3)
     with running(bent.config, options=FINE) as session:
-        session.request_ego(CAR, edge=bent.edges[0].id, lane=0, position=20.0, speed=10.0)
+        session.request_ego(CAR, edges=ids_of(bent), lane=0, position=20.0, speed=10.0)
         while not session.has_ego():
             session.step()
         session.take_over_ego()
@@ -173,7 +177,7 @@ def vehicles_that_touch_an_ego_askew(files: SumoFiles, *, as_wide_as_it_lies: bo
     with running(files.config, options=FINE) as session:
         while session.time < 40:
             session.step()
-        session.request_ego(CAR, edge=files.edges[0].id, lane=1, position=x + CAR.axle_to_bumper_m, speed=speed)
+        session.request_ego(CAR, edges=ids_of(files), lane=1, position=x + CAR.axle_to_bumper_m, speed=speed)
         while not session.has_ego():
             session.step()
         session.take_over_ego()
@@ -249,7 +253,7 @@ def test_body_in_a_lane_beside_a_narrower_one_is_counted_to_its_own(tmp_path: Pa
     station = (edge.start + edge.end) / 2
     _, line = edge.lanes[index].lines(station)
     with running(closing.config, options=FINE) as session:
-        session.request_ego(CAR, edge=closing.edges[0].id, lane=0, position=20.0, speed=10.0)
+        session.request_ego(CAR, edges=ids_of(closing), lane=0, position=20.0, speed=10.0)
         while not session.has_ego():
             session.step()
         session.take_over_ego()
@@ -272,7 +276,7 @@ def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reache
     with running(bent.config, options=FINE) as session:
         while session.time < 40:
             session.step()
-        session.request_ego(CAR, edge=bent.edges[0].id, lane=2, position=start - 150.0, speed=speed)
+        session.request_ego(CAR, edges=ids_of(bent), lane=2, position=start - 150.0, speed=speed)
         while not session.has_ego():
             session.step()
         session.take_over_ego()

@@ -61,7 +61,9 @@ def drive_path(
     leads on ends the run.
     """
     checker, record = ContactChecker(layout, drive.vehicle), _RunRecord()
-    with running(files.config, options=_options(files), in_window=drive.in_window) as session:
+    around = files.surroundings.around if files.surroundings else ()
+    options = _options(files)
+    with running(files.config, options=options, in_window=drive.in_window, begin=files.begin, edges=around) as session:
         state = _enter(session, path, layout=layout, files=files, drive=drive)
         if state is None:
             return record.ended(Outcome.TIMED_OUT, f"no gap to enter the road within {INSERTION_WAIT_S:g} s")
@@ -125,7 +127,9 @@ def _options(files: SumoFiles) -> tuple[str, ...]:
     SUMO warns of hard braking, which is measured here: no warnings.
     """
     action_s = max(files.step_length, STEP_S)
-    return ("--step-length", f"{STEP_S:g}", "--default.action-step-length", f"{action_s:g}", "--no-warnings")
+    # Files that detectors of a network write are those of the ego's drive, and get a name of their own.
+    prefix = ("--output-prefix", "ego.")
+    return ("--step-length", f"{STEP_S:g}", "--default.action-step-length", f"{action_s:g}", "--no-warnings", *prefix)
 
 
 def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive) -> EgoState | None:
@@ -138,7 +142,8 @@ def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, fil
     edge = edge_at(files.edges, station)
     lane = edge.lane_at(station, offset)
     speed = drive.control.target_speed_mps
-    session.request_ego(drive.vehicle, edge=edge.id, lane=lane, position=station - edge.start, speed=speed)
+    ahead = [e.id for e in files.edges if e.start >= edge.start]
+    session.request_ego(drive.vehicle, edges=ahead, lane=lane, position=station - edge.start, speed=speed)
     requested = session.time
     while not session.has_ego():
         if session.time - requested > INSERTION_WAIT_S:

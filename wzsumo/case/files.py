@@ -17,6 +17,7 @@ from wzsumo.case.evaluation import MethodResult
 from wzsumo.errors import SpecError
 from wzsumo.files.layout import write_layout
 from wzsumo.files.ros_map import write_map
+from wzsumo.metrics.network_traffic import network_figures
 from wzsumo.metrics.traffic import TrafficMeasures
 from wzsumo.planning.plan import Plan
 from wzsumo.scenario.scenario import Scenario
@@ -27,9 +28,12 @@ NOT_RUN = {"slam": "not part of this run; `make baselines` runs it in the paper'
 
 def write_case(result: CaseResult, folder: Path) -> dict[str, Any]:
     """The content of result.json; written to `folder` with layout, traffic, traces, mixture, maps, paths and drives."""
-    write_layout(result.scenario.layout(), folder, frame=result.scenario.road.frame)
+    facility = result.scenario.facility()
+    write_layout(facility.layout, folder, frame=facility.frame)
     write_toml(result.scenario.model_dump(mode="json"), folder / "scenario.toml")
     _write_traffic(result.fleet.traffic, folder)
+    if result.fleet.network is not None:
+        result.fleet.network.edges.to_csv(folder / "traffic" / "edges.csv", index=False, float_format="%.3f")
     _write_traces(result.collected, used=result.crowd.traces, folder=folder)
     _write_crowd(result.crowd, folder)
     for name, method in result.methods.items():
@@ -54,7 +58,8 @@ def result_json(result: CaseResult) -> dict[str, Any]:
         "n_components_rule": scenario.mixture.criterion,
         "fleet": asdict(fleet.summary),
         "traffic": asdict(fleet.traffic.summary) | {"hcm_queue_discharge_vph": _hcm_queue_discharge_vph(scenario)},
-        "drivers": scenario.zone_simulation().demand.drivers.model_dump(mode="json"),
+        "network": network_figures(fleet.network) if fleet.network else {},
+        "drivers": scenario.zone_simulation().demand.drivers.model_dump(mode="json") if scenario.road else {},
         "methods": {name: method.figures for name, method in result.methods.items()},
         "slam": lidar_figures(result.lidar) if result.lidar else {},
         "not_run": {} if result.lidar else NOT_RUN,

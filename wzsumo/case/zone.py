@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -10,11 +10,20 @@ import pandas as pd
 from wzsumo.case.crowd import traces_over_zone
 from wzsumo.case.watch import Watch
 from wzsumo.metrics.fleet import FleetSummary, summarise_fleet
-from wzsumo.metrics.traffic import TrafficMeasures, measure_traffic
+from wzsumo.metrics.network_traffic import (
+    NetworkMeasures,
+    NetworkSummary,
+    compare_edges,
+    summarise_network,
+    trips_on_road,
+)
+from wzsumo.metrics.traffic import TrafficMeasures, TrafficSummary, measure_traffic
 from wzsumo.scenario.scenario import Scenario
-from wzsumo.simulation.files import SumoFiles, write_sumo_files
-from wzsumo.simulation.fleet import simulate_fleet
+from wzsumo.simulation.edge_records import read_edge_records, road_edge_ids, without_zone
+from wzsumo.simulation.files import SumoFiles
+from wzsumo.simulation.fleet import record_options, run_to_end, simulate_fleet
 from wzsumo.simulation.trips import read_trips, trips_file
+from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
 
 
@@ -33,21 +42,60 @@ class FleetMeasures:
 
     summary: FleetSummary
     traffic: TrafficMeasures
+    network: NetworkMeasures | None = None  # None where the road is all that there is
 
 
 def simulate_zone(
     scenario: Scenario, layout: WorkZoneLayout, *, folder: Path, watch: Watch
 ) -> tuple[SimulatedZone, FleetMeasures]:
     """The simulated zone of a scenario, and measures of its fleet. SUMO's files are written to `folder`."""
-    simulation = scenario.zone_simulation()
+    facility, warm_up_s = scenario.facility(), scenario.simulation.demand.warm_up_s
     with watch.timing("network"):
-        files = write_sumo_files(layout, folder, spec=simulation, seed=scenario.seed)
+        files = scenario.write_sumo_files(folder)
     with watch.timing("fleet"), watch.progress("fleet in SUMO", files.duration) as tell:
         fleet = simulate_fleet(files, on_second=tell)
     with watch.timing("traffic measures"):
         trips = read_trips(trips_file(files))
-        traffic = measure_traffic(fleet, trips, layout, dt=files.step_length, warm_up_s=simulation.demand.warm_up_s)
+        over_road = _over_road(trips, fleet, files, layout)
+        traffic = measure_traffic(fleet, over_road, layout, dt=files.step_length, warm_up_s=warm_up_s)
+    network = _with_and_without(files, trips, watch) if files.surroundings else None
+    if network is not None:
+        traffic = replace(traffic, summary=_with_emissions(traffic.summary, network.with_zone))
+    standing = fleet[fleet["time_s"].between(*facility.standing)]
     zone = SimulatedZone(
-        over_zone=traces_over_zone(fleet, layout), whole_fleet=lambda: fleet, sumo_files=lambda: nullcontext(files)
+        over_zone=traces_over_zone(standing, layout), whole_fleet=lambda: fleet, sumo_files=lambda: nullcontext(files)
     )
-    return zone, FleetMeasures(summary=summarise_fleet(fleet, layout), traffic=traffic)
+    return zone, FleetMeasures(summary=summarise_fleet(standing, layout), traffic=traffic, network=network)
+
+
+def _over_road(trips: pd.DataFrame, fleet: pd.DataFrame, files: SumoFiles, layout: WorkZoneLayout) -> pd.DataFrame:
+    """The trips as far as they lead along the road."""
+    if files.surroundings is None:
+        return trips
+    posted = mps_from_mph(layout.work_zone.posted_speed_mph)
+    return trips_on_road(fleet, trips, free_speed=posted, dt=files.step_length)
+
+
+def _with_and_without(files: SumoFiles, trips: pd.DataFrame, watch: Watch) -> NetworkMeasures:
+    """The network with the zone, as it was simulated, and without it, simulated now with the same seed."""
+    open_files = without_zone(files)
+    with watch.timing("fleet without the zone"), watch.progress("without the zone in SUMO", files.duration) as tell:
+        run_to_end(open_files, options=record_options(open_files), on_second=tell)
+    edges = [read_edge_records(of) for of in (files, open_files)]
+    both = [
+        summarise_network(table, records, road=road_edge_ids(files))
+        for table, records in zip((trips, read_trips(trips_file(open_files))), edges, strict=True)
+    ]
+    shapes = files.surroundings.shapes if files.surroundings else {}
+    return NetworkMeasures(with_zone=both[0], without_zone=both[1], edges=compare_edges(*edges, shapes=shapes))
+
+
+def _with_emissions(summary: TrafficSummary, network: NetworkSummary) -> TrafficSummary:
+    """The summary with the emissions by vehicle kilometre on the road, which SUMO records by edge."""
+    kilometres = network.corridor_vkm or float("nan")
+    return replace(
+        summary,
+        co2_g_per_vkm=1000 * network.corridor_co2_kg / kilometres,
+        nox_g_per_vkm=1000 * network.corridor_nox_kg / kilometres,
+        fuel_g_per_vkm=1000 * network.corridor_fuel_kg / kilometres,
+    )

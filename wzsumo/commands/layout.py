@@ -22,10 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Lengths and areas of the zone, after writing layout.geojson, lanes.geojson for `export`, devices.csv and layout.png."""
     scenario = load_scenario(args.scenario)
-    layout = scenario.layout()
+    facility = scenario.facility()
+    layout, frame = facility.layout, facility.frame
     with staged_folder(args.out, files=("layout.geojson", "lanes.geojson", "devices.csv", "layout.png")) as stage:
-        write_layout(layout, stage, frame=scenario.road.frame)
-        write_lanes(LanesFile(lanes=laid_out_lanes(layout), frame=scenario.road.frame), stage)
+        write_layout(layout, stage, frame=frame)
+        write_lanes(LanesFile(lanes=laid_out_lanes(layout), frame=frame), stage)
         drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(layout))
         save_figure(draw_zone(drawing), stage / "layout.png")
     return {

@@ -6,7 +6,8 @@ from typing import Any
 from wzsumo.commands.arguments import add_out_folder, add_scenario
 from wzsumo.files.output import staged_folder
 from wzsumo.scenario.scenario import load_scenario
-from wzsumo.simulation.files import write_sumo_files
+
+OWN_FILES = ("zone.net.xml", "zone.rou.xml", "zone.sumocfg")  # of a road of the scenario's own
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """The edges of a scenario's network with their numbers of lanes, after writing its SUMO files."""
     spec = load_scenario(args.scenario)
-    with staged_folder(args.out, files=("zone.net.xml", "zone.rou.xml", "zone.sumocfg")) as stage:
-        files = write_sumo_files(spec.layout(), stage, spec=spec.zone_simulation(), seed=spec.seed)
-    return {"config": str(args.out / files.config.name), "edges": {edge.id: len(edge.through_lanes) for edge in files.edges}}
+    with staged_folder(args.out, files=OWN_FILES if spec.network is None else ()) as stage:
+        files = spec.write_sumo_files(stage)
+        config = args.out / files.config.relative_to(stage)
+    return {"config": str(config), "edges": {edge.id: len(edge.through_lanes) for edge in files.edges}}

@@ -11,6 +11,7 @@ from wzsumo.figures.figure_files import Drawing, ReportFigure, save_drawings
 from wzsumo.figures.layout_figure import draw_zone
 from wzsumo.figures.map_figures import draw_baseline_paths, draw_crowd_and_slam, draw_maps, draw_truth
 from wzsumo.figures.mixture_figures import draw_components, draw_criteria, draw_samples
+from wzsumo.figures.network_figure import draw_network
 from wzsumo.figures.traffic_figures import draw_space_time
 from wzsumo.files.result_folder import ResultFolder
 
@@ -30,6 +31,7 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
         *_map_drawings(run, crowd, sample=sample),
         *(_drive_drawing(run, name, sample=sample) for name in driven),
         *_traffic_drawings(run),
+        *_network_drawings(run),
     ]
     if baselines:
         drawings += _baseline_drawings(run, baselines, crowd=crowd, sample=f"n = 1 mapping drive, seed {seed}.")
@@ -115,6 +117,22 @@ def _traffic_drawings(run: ResultFolder) -> list[Drawing]:
             title="Speeds over time and road",
             caption="Space-mean speed of all vehicles in cells of 10 s and 20 m; cells without a vehicle are white. "
             f"n = {n_vehicles} vehicles, seed {run.result.get('seed', '-')}.",
+        )
+    ]
+
+
+def _network_drawings(run: ResultFolder) -> list[Drawing]:
+    if run.network_edges is None:
+        return []
+    vehicles = run.result.get("network", {}).get("with_zone", {}).get("n_vehicles", "-")
+    return [
+        Drawing(
+            stem="network_delay",
+            draw=partial(draw_network, run),
+            title="Network: what the zone changes",
+            caption="Time that all vehicles together lose on each edge, with the zone less without it, pieces of a cut edge "
+            "added up; waits to depart are not shown. "
+            f"n = {vehicles} vehicles, one pair of simulations, seed {run.result.get('seed', '-')}.",
         )
     ]
 

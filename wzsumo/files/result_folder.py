@@ -124,6 +124,15 @@ class ResultFolder:
         path = self.folder / "traffic" / "cells.parquet"
         return pd.read_parquet(path) if path.exists() else None
 
+    @cached_property
+    def network_edges(self) -> pd.DataFrame | None:
+        """edge_id, delays [s] and shape of every edge of the network between junctions; None where there is no network."""
+        path = self.folder / "traffic" / "edges.csv"
+        if not path.exists():
+            return None
+        edges = pd.read_csv(path)
+        return edges[edges["shape"].notna()].reset_index(drop=True)
+
     def map_of(self, method: str) -> OccupancyGrid | None:
         """The map of a method, None where it made none."""
         path = self.folder / "maps" / f"{method}.yaml"

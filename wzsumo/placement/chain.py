@@ -69,6 +69,22 @@ def chain_behind(net: Net, edge: NetEdge, lane: int, *, length: float) -> list[N
     return found
 
 
+def chain_beyond(net: Net, edge: NetEdge, lane: int, *, length: float) -> list[NetLane]:
+    """The lanes onto which a lane leads straight on, internal ones included, in the order in which they are driven."""
+    found: list[NetLane] = []
+    covered, seen = 0.0, {edge.id}
+    while covered < length:
+        links = [c for c in net.outgoing.get((edge.id, lane), []) if c.element.get("dir") == "s" and c.to_edge not in seen]
+        if not links:
+            break
+        link = max(links, key=lambda c: c.to_lane)
+        edge, lane = net.edges[link.to_edge], link.to_lane
+        found += [*net.via_lanes(link), edge.lanes[lane]]
+        covered += edge.length
+        seen.add(edge.id)
+    return found
+
+
 def _onward(net: Net, edge: NetEdge, lanes: dict[int, int]) -> dict[int, Connection]:
     """The connection of each slot to the one edge that goes on; slots that do not lead there are left out."""
     ahead = _edge_ahead(net, edge, lanes.values())

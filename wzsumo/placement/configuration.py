@@ -6,18 +6,20 @@ from pathlib import Path
 from typing import Self
 
 from wzsumo.errors import PlacementError
+from wzsumo.placement.demand_files.vehicles import seconds_in
 from wzsumo.placement.xml_file import Edits, Element, XmlFile, escaped
 
 NET, ROUTES, ADDITIONALS, WEIGHTS = "net-file", "route-files", "additional-files", "weight-files"
+BEGIN = "begin"
 # SUMO's options by their other names (sumo --help).
 _SYNONYMS = {
     "n": NET, "net": NET, "r": ROUTES, "a": ADDITIONALS, "additional": ADDITIONALS, "w": WEIGHTS,
-    "weights": WEIGHTS, "g": "gui-settings-file",
+    "weights": WEIGHTS, "g": "gui-settings-file", "b": BEGIN,
 }  # fmt: skip
 _STATES = ("load-state",)  # a saved state counts edges and lanes of the network that it was saved from
 _WRITTEN = ("output", "log", "prefix", "save-state")  # what SUMO writes, by what the option's name holds
 REQUIRED = (NET, ROUTES, ADDITIONALS, WEIGHTS)
-DRAWING, DEFAULT_TYPE = "wzsumo.zone.add.xml", "wzsumo.vtype.add.xml"
+DRAWING, DEFAULT_TYPE, CLOSURE = "wzsumo.zone.add.xml", "wzsumo.vtype.add.xml", "wzsumo.closure.add.xml"
 CONFIG = "run.sumocfg"
 
 
@@ -41,6 +43,7 @@ class Configuration:
     additionals: tuple[Path, ...]
     weights: tuple[Path, ...] = ()  # travel times by edge
     options: tuple[Option, ...] = ()  # of the configuration's file, those that name files
+    begin: float = 0.0  # s, SUMO's time at which the simulation begins
 
     @classmethod
     def of_files(cls, net: Path, routes: Iterable[Path], additionals: Iterable[Path]) -> Self:
@@ -52,11 +55,14 @@ class Configuration:
         """The configuration of a sumocfg. Raises PlacementError where a file that it names is missing."""
         file = XmlFile.read(path, role="the configuration")
         options: list[Option] = []
+        begins: list[str] = []
 
         def take(element: Element) -> None:
             for item in element.walk():
                 key = "value" if "value" in item.attributes else "v"
                 name = _SYNONYMS.get(item.tag, item.tag)
+                if name == BEGIN:
+                    begins.append(item.get(key))
                 if item.get(key) and (found := _files_of(name, item.get(key), path)):
                     options.append(Option(name=name, element=item, key=key, files=found))
 
@@ -73,6 +79,7 @@ class Configuration:
             additionals=named.get(ADDITIONALS, ()),
             weights=named.get(WEIGHTS, ()),
             options=tuple(options),
+            begin=seconds_in(begins[-1], 0.0) if begins else 0.0,
         )
 
     @property
@@ -99,7 +106,7 @@ class ConfigurationFolder:
         """Choose a name for each file: its own, with a number where two files share one."""
         configuration = self.configuration
         for path in (configuration.net, *configuration.demand, *configuration.others):
-            taken = set(self.names.values()) | {CONFIG, DRAWING, DEFAULT_TYPE}
+            taken = set(self.names.values()) | {CONFIG, DRAWING, DEFAULT_TYPE, CLOSURE}
             candidates = (path.name if n == 0 else f"{n}_{path.name}" for n in range(1000))
             self.names.setdefault(path, next(name for name in candidates if name not in taken))
         self.folder.mkdir(parents=True)

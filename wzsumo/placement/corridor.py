@@ -11,12 +11,14 @@ import shapely
 
 from wzsumo.errors import PlacementError, SpecError
 from wzsumo.frames import FloatArray, arc_length
-from wzsumo.placement.chain import Link, chain_ahead, chain_behind, roadway_slots
+from wzsumo.placement.chain import Link, chain_ahead, chain_behind, chain_beyond, roadway_slots
 from wzsumo.placement.net import Net, NetLane, point_on
 from wzsumo.road import Road
 
 # Of the road upstream of the zone: the farthest sign stands 1 mile ahead of it. Less where the road runs across itself.
 UPSTREAM_M = (1_800.0, 900.0, 400.0, 100.0, 0.0)
+# Of the road beyond the edge where the zone ends, on which a drive through it ends. None where no road can be laid so far.
+BEYOND_M = (300.0, 0.0)
 SHAPE_TOLERANCE_M = 0.02  # by which the reference line may leave the lane's points: SUMO writes two decimals
 SMOOTHED_STEPS_M = (0.0, 5.0, 10.0, 20.0)  # spacings at which a line with kinks is drawn anew, the finest that makes a road
 LONGEST_STEP_M = 20.0  # between points: offsets are mitred from point to point, and a kink should tell in its place alone
@@ -27,13 +29,18 @@ MAX_WIDTH_CHANGE_M = 0.3  # of a lane along the zone, likewise
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corridor:
-    """The chain of edges from the one where the zone begins, and its Road; lane k of the road is slot `slots[k]`."""
+    """The chain of edges from the one where the zone begins, and its Road; lane k of the road is slot `slots[k]`.
+
+    The road begins with the lanes `before` the chain and goes on with those `beyond` it, internal ones included.
+    """
 
     net: Net
     links: tuple[Link, ...]
     slots: tuple[int, ...]  # from the right
     road: Road
     start: float  # station [m] of the position that was asked for
+    before: tuple[NetLane, ...] = ()
+    beyond: tuple[NetLane, ...] = ()
 
     def station_of(self, lane: NetLane, position: float) -> float:
         """Station [m] of a position on a lane."""
@@ -78,8 +85,7 @@ def find_corridor(
             f"lane {lost[0]} of edge {edge_id!r}, which the zone closes, ends or turns off at the end of edge "
             f"{last.edge.id!r}, within the {length:.0f} m of the zone; move or shorten the zone, or close another lane"
         )
-    road = _road(net, links, through, shoulders=shoulders)
-    corridor = Corridor(net=net, links=tuple(links), slots=through, road=road, start=0.0)
+    corridor = _laid_corridor(net, links, through, shoulders=shoulders)
     start = corridor.station_of(links[0].lane(through[-1]), position)
     corridor = replace(corridor, start=start)
     _check_end(corridor, start + length)
@@ -98,17 +104,28 @@ def _through_slots(links: list[Link], *, position: float, length: float) -> tupl
     return tuple(sorted(slots))
 
 
-def _road(net: Net, links: list[Link], slots: tuple[int, ...], *, shoulders: tuple[float, float]) -> Road:
-    """Road along the leftmost slot, moved to the middle of all slots. Raises PlacementError where none can be laid."""
+def _laid_corridor(net: Net, links: list[Link], slots: tuple[int, ...], *, shoulders: tuple[float, float]) -> Corridor:
+    """The corridor with a road along its leftmost slot, in the middle of all slots.
+
+    Raises PlacementError where none can be laid.
+    """
     faults = []
+    ahead, last = _lanes_ahead(net, links, slots[-1]), links[-1]
+    widths = tuple(links[0].lane(slot).width for slot in slots)
     for upstream in UPSTREAM_M:
         before = chain_behind(net, links[0].edge, links[0].lanes[slots[-1]], length=upstream)
-        lanes = before + _lanes_ahead(net, links, slots[-1])
         for step in SMOOTHED_STEPS_M:
-            try:
-                return _road_along(lanes, tuple(links[0].lane(slot).width for slot in slots), shoulders=shoulders, step=step)
-            except SpecError as error:
-                faults.append(str(error))
+            for length in BEYOND_M:
+                leads_on = slots[-1] in last.lanes
+                beyond = chain_beyond(net, last.edge, last.lanes[slots[-1]], length=length) if leads_on else []
+                try:
+                    road = _road_along([*before, *ahead, *beyond], widths, shoulders=shoulders, step=step)
+                except SpecError as error:
+                    faults.append(str(error))
+                    continue
+                return Corridor(
+                    net=net, links=tuple(links), slots=slots, road=road, start=0.0, before=tuple(before), beyond=tuple(beyond)
+                )
     raise PlacementError(f"edge {links[0].edge.id!r}: no road can be laid along its lanes: {faults[-1]}")
 
 
@@ -154,11 +171,13 @@ def _redrawn(line: FloatArray, step: float) -> FloatArray:
 
 
 def _check_end(corridor: Corridor, end: float) -> None:
-    if end > corridor.road.length - 0.5:
-        last = corridor.links[-1].edge.id
+    last = [link for link in corridor.links if corridor.slots[-1] in link.lanes][-1]
+    chain_end = corridor.span(last)[1]
+    if end > chain_end - 0.5:
         raise PlacementError(
             f"the zone is {end - corridor.start:.0f} m long, and the road from its place on ends after "
-            f"{corridor.road.length - corridor.start:.0f} m, at the end of edge {last!r}; move it upstream or shorten it"
+            f"{chain_end - corridor.start:.0f} m, at the end of edge {corridor.links[-1].edge.id!r}; move it upstream or "
+            "shorten it"
         )
 
 

@@ -27,7 +27,8 @@ class Piece:
     lanes: dict[int, Attributes] = field(default_factory=dict)
     barred: frozenset[int] = frozenset()  # lane indices
     courses: dict[int, Course] = field(default_factory=dict)  # by lane index
-    middle: float = 0.0  # station [m]
+    start: float = 0.0  # station [m]
+    middle: float = 0.0  # likewise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,7 +124,9 @@ class ClosedLanes:
         barred_changes = self._barred_changes(courses, start, end) | self._barred_from_beside(link, start, end)
         for index, changes in barred_changes.items():
             lanes[index] = lanes.get(index, {}) | changes
-        return Piece(link=link, number=number, id=id_, lanes=lanes, barred=frozenset(barred), courses=courses, middle=middle)
+        return Piece(
+            link=link, number=number, id=id_, lanes=lanes, barred=frozenset(barred), courses=courses, start=start, middle=middle
+        )
 
     def _state(self, course: Course | None, place: int, lane: NetLane, start: float, end: float) -> Attributes:
         """New attributes of a lane from one station to another: barred where no lane of the layout uses it."""

@@ -11,7 +11,7 @@ from wzsumo.files.layout import write_layout
 from wzsumo.mutcd.layout import lay_out
 from wzsumo.placement.change import Change
 from wzsumo.placement.clear_ground import check_clear_ground
-from wzsumo.placement.configuration import DEFAULT_TYPE, DRAWING, Configuration, ConfigurationFolder
+from wzsumo.placement.configuration import CLOSURE, DEFAULT_TYPE, DRAWING, Configuration, ConfigurationFolder
 from wzsumo.placement.corridor import Corridor, find_corridor
 from wzsumo.placement.demand_files.edge_rules import EDGE_RULES
 from wzsumo.placement.demand_files.lane_rules import LANE_RULES
@@ -26,6 +26,7 @@ from wzsumo.placement.net import Net
 from wzsumo.placement.net_patch import NetPatch
 from wzsumo.placement.place_on_net import edge_at, known_frame
 from wzsumo.placement.refusals import SIGNALS, check_cuts, check_signals
+from wzsumo.placement.study.zone_times import ZoneTimes, rerouters
 from wzsumo.placement.xml_file import XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace, on_side
 from wzsumo.road import Road, RoadSpec
@@ -34,6 +35,7 @@ from wzsumo.simulation.files import write_drawing
 from wzsumo.units import feet_from_metres
 from wzsumo.work_zone import Side, WorkZone, WorkZoneLayout
 
+CONFIGURATIONS = ("original", "open", "closed")
 LAWLESS_CLASS = "ignoring"  # SUMO's class of vehicles that heed no lane's permissions (SUMO docs, Vehicle Classes)
 LONG_ROAD_FT = 60_000.0  # straight: a zone is as long on it as anywhere
 
@@ -78,8 +80,18 @@ def place_zone(net: Net, zone: ZoneToPlace, *, edge_id: str, position: float, si
     return Placed(plan=plan, closed=closed, doubts=tuple(doubts))
 
 
-def write_placement(placed: Placed, configuration: Configuration, folder: Path) -> dict[str, Any]:
-    """Write `original`, `open` and `closed`, the layout and the report of changes; returns the report."""
+def write_placement(
+    placed: Placed,
+    configuration: Configuration,
+    folder: Path,
+    *,
+    names: tuple[str, ...] = CONFIGURATIONS,
+    times: ZoneTimes | None = None,
+) -> dict[str, Any]:
+    """Write the configurations of these names, the layout and the report of changes; returns the report.
+
+    Where the zone has `times`, `closed` is `open` with rerouters that bar its lanes while it stands.
+    """
     net = placed.corridor.net
     cuts = {cut.edge.id: cut for cut in placed.plan.cuts}
     files = {path: XmlFile.read(path, role="the demand") for path in configuration.demand}
@@ -89,10 +101,10 @@ def write_placement(placed: Placed, configuration: Configuration, folder: Path) 
     rewritten = {path: rewriting.rewrite(file) for path, file in files.items()}
     default_type = DEFAULT_TYPE if demand.uses_default_type and not demand.defines_default_type else None
     changes: list[Change] = []
-    for name, closed in (("original", None), ("open", None), ("closed", placed.closed)):
+    for name in names:
         target = ConfigurationFolder(folder=folder / name, configuration=configuration)
-        original = name == "original"
-        patch = NetPatch(net=net, cuts=cuts, closed=closed)
+        original, closed = name == "original", name == "closed"
+        patch = NetPatch(net=net, cuts=cuts, closed=placed.closed if closed and times is None else None)
         target.write(configuration.net, net.file.data if original else patch.apply())
         for path, file in files.items():
             target.write(path, file.data if original else rewritten[path])
@@ -105,6 +117,10 @@ def write_placement(placed: Placed, configuration: Configuration, folder: Path) 
         if closed:
             write_drawing(placed.layout, target.folder / DRAWING)
             last = [DRAWING]
+        if closed and times is not None:
+            text = rerouters(placed.closed, times, begin=configuration.begin)
+            (target.folder / CLOSURE).write_text(text, encoding="utf-8")
+            last = [CLOSURE, DRAWING]
         target.write_config(first=first, last=last)
         changes = patch.changes
     report = _report(placed, rewriting, changes)

@@ -1,13 +1,11 @@
 """The zone that is to be placed, as its file says it: keys as in scenarios, but the place and, where left out, the speed."""
 
-from pathlib import Path
 from typing import Any, Self
 
 from pydantic import Field
 
 from wzsumo.errors import PlacementError
-from wzsumo.scenario.scenario import Scenario
-from wzsumo.spec import Spec, parse_spec, read_toml
+from wzsumo.spec import Spec, parse_spec
 from wzsumo.tapers import STOPPING_SIGHT_DISTANCE_FT
 from wzsumo.units import METRES_PER_FOOT, mph_from_mps
 from wzsumo.work_zone import Side, WorkZone
@@ -35,17 +33,12 @@ class ZoneToPlace(Spec):
     road: Shoulders = Shoulders()
 
     @classmethod
-    def read(cls, path: Path) -> Self:
-        """The zone of a TOML file, which may be a whole scenario. Raises SpecError: file, key, value, rule."""
-        content = read_toml(path)
+    def of_content(cls, content: dict[str, Any], *, source: str) -> Self:
+        """The zone of the content of a TOML file. Raises SpecError: file, key, value, rule."""
         if set(content) <= set(WorkZone.model_fields):  # the keys of the zone alone
             content = {"work_zone": content}
-        if "name" in content and "route" in content:  # a scenario: its road gives way to that of the network
-            shoulders = {key: value for key, value in content.get("road", {}).items() if key in Shoulders.model_fields}
-            unknown = {key: value for key, value in content.items() if key not in Scenario.model_fields}
-            content = {"work_zone": content.get("work_zone", {}), "road": shoulders} | unknown
-        zone = parse_spec(cls, content, source=str(path))
-        parse_spec(WorkZone, {"posted_speed_mph": 45.0} | zone.work_zone | _PLACEHOLDER, source=f"{path}: work_zone")
+        zone = parse_spec(cls, content, source=source)
+        parse_spec(WorkZone, {"posted_speed_mph": 45.0} | zone.work_zone | _PLACEHOLDER, source=f"{source}: work_zone")
         return zone
 
     def at_speed(self, speed: float) -> tuple[WorkZone, list[str]]:

@@ -11,7 +11,7 @@ from wzsumo.files.output import staged_folder
 from wzsumo.files.result_folder import ResultFolder, read_result_folder
 from wzsumo.report.drive_player import player_data
 from wzsumo.report.page import embedded, page_template
-from wzsumo.report.tables import DASH, conduct_rows, goal_rows, metres, outcome_in_words, percent, traffic_rows
+from wzsumo.report.tables import DASH, conduct_rows, goal_rows, metres, network_rows, outcome_in_words, percent, traffic_rows
 
 PAGE = "report.html"
 CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
@@ -56,6 +56,7 @@ def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
         slam=_slam_facts(result.get("slam") or {}),
         not_run=[(NOT_RUN_NAMES.get(name, name), reason) for name, reason in _not_run(result).items()],
         fleet=_fleet_rows(result.get("fleet") or {}) + traffic_rows(result.get("traffic") or {}),
+        network=network_rows(result.get("network") or {}),
         timings=[(name, f"{seconds:.2f} s") for name, seconds in (result.get("timings_s") or {}).items()],
         figures=figures,
     )

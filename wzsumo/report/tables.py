@@ -44,6 +44,24 @@ _ROWS = (
 )
 
 
+# Key of result.json["network"][...], name of the quantity, unit, decimals.
+_NETWORK_ROWS = (
+    ("n_vehicles", "Vehicles due to depart", "", 0),
+    ("n_arrived", "Vehicles that arrived", "", 0),
+    ("n_waiting", "Vehicles still waiting to depart at the end", "", 0),
+    ("delay_h", "Delay of all vehicles together, departure delay included", "veh h", 2),
+    ("mean_delay_s", "Mean delay by vehicle, departure delay included", "s", 1),
+    ("mean_departure_delay_s", "Mean departure delay", "s", 1),
+    ("mean_travel_time_s", "Mean travel time of those that arrived", "s", 1),
+    ("driven_vkm", "Distance driven", "veh km", 0),
+    ("co2_kg", "Carbon dioxide (SUMO's default emission classes)", "kg", 0),
+    ("nox_kg", "Nitrogen oxides (ibid.)", "kg", 3),
+    ("corridor_delay_h", "Delay on the road of the zone", "veh h", 2),
+    ("corridor_vkm", "Distance driven on the road of the zone", "veh km", 0),
+    ("corridor_co2_kg", "Carbon dioxide on the road of the zone", "kg", 0),
+)
+
+
 def percent(share: float | None, *, decimals: int = 2) -> str:
     """A share in percent, a dash where there is none.
 
@@ -65,6 +83,17 @@ def metres(length: float | None) -> str:
 def traffic_rows(traffic: Mapping[str, Any]) -> list[tuple[str, str]]:
     """(quantity, value with its unit) of every traffic figure of a run; a dash where nothing could be measured."""
     return [(name, _value(traffic[key], unit, decimals)) for key, name, unit, decimals in _ROWS if key in traffic]
+
+
+def network_rows(network: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str, str, str]]:
+    """(quantity, with the zone, without it, change) of every figure of a network; none on a road of the scenario's own."""
+    if not network:
+        return []
+    sides = [network[name] for name in ("with_zone", "without_zone", "change")]
+    return [
+        (name, *(_value(side.get(key), unit, decimals) for side in sides))  # type: ignore[misc]  # three sides
+        for key, name, unit, decimals in _NETWORK_ROWS
+    ]
 
 
 def _value(value: float | None, unit: str, decimals: int) -> str:

@@ -51,8 +51,9 @@ def read_road_spec(path: Path) -> tuple[Road, LocalFrame | None, AnnouncedZone |
     content = read_toml(path)
     if "work_zone" in content:
         scenario = load_scenario(path)
-        layout = scenario.layout()
-        return layout.road, scenario.road.frame, _reported_zone(layout, source=str(path))
+        facility = scenario.facility()
+        layout = facility.layout
+        return layout.road, facility.frame, _reported_zone(layout, source=str(path))
     spec = parse_spec(RoadBefore, content, source=str(path))
     road = spec.road.build()
     return road, spec.road.frame, _zone(spec.announced, road, path) if spec.announced else None

@@ -2,23 +2,24 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from shapely import Polygon
 
 from wzsumo.capacity import SiteSpec, ZoneCapacity, zone_capacity, zone_queue_discharge_pcphpl
 from wzsumo.control.plant import PlantSpec
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.errors import SpecError
-from wzsumo.mutcd.layout import lay_out
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.road import Road, RoadSpec
+from wzsumo.scenario.facility import Facility, OwnRoad, check_demand_of_network, network_corridor
+from wzsumo.scenario.network_section import NetworkSection, beside
 from wzsumo.scenario.sections import ControlSection, CrowdSpec, Decides, MapSpec, MapUpdatesSpec, RouteSpec, SlamSpec
 from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.departures import check_departures
 from wzsumo.simulation.drivers import BY_THE_HCM, UNCALIBRATED, hcm_drivers
-from wzsumo.simulation.files import SimulationSpec
+from wzsumo.simulation.files import SimulationSpec, SumoFiles
 from wzsumo.spec import MAX_SEED, Spec, parse_spec, read_toml
 from wzsumo.units import mps_from_mph
 from wzsumo.vehicle import VehicleGeometry
@@ -33,7 +34,8 @@ class Scenario(Spec):
 
     name: Annotated[str, Decides.NOTHING] = Field(min_length=1, pattern=r"^[\w.-]+$")
     seed: Annotated[int, Decides.SIMULATION] = Field(ge=0, le=MAX_SEED)
-    road: Annotated[RoadSpec, Decides.SIMULATION]
+    road: Annotated[RoadSpec | None, Decides.SIMULATION] = None  # this or a network
+    network: Annotated[NetworkSection | None, Decides.SIMULATION] = None
     work_zone: Annotated[WorkZone, Decides.SIMULATION]
     site: Annotated[SiteSpec, Decides.SIMULATION] = SiteSpec()
     simulation: Annotated[SimulationSpec, Decides.SIMULATION] = SimulationSpec()
@@ -49,9 +51,39 @@ class Scenario(Spec):
     control: Annotated[ControlSection, Decides.DRIVE] = ControlSection()
     plant: Annotated[PlantSpec, Decides.DRIVE] = PlantSpec()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _place_in_a_network_is_the_beginning(cls, content: Any) -> Any:
+        """In a network the section [network] says where the zone begins, and not work_zone.start_ft."""
+        zone = content.get("work_zone") if isinstance(content, dict) and content.get("network") else None
+        if not isinstance(zone, dict):
+            return content
+        if zone.get("start_ft", 0.0) != 0.0:
+            raise ValueError(
+                f"work_zone.start_ft={zone['start_ft']!r}: the place in [network] is where the zone begins; leave it out"
+            )
+        return content | {"work_zone": zone | {"start_ft": 0.0}}
+
+    @model_validator(mode="after")
+    def _has_one_place(self) -> Self:
+        if (self.road is None) == (self.network is None):
+            raise ValueError("road: give either a section [road] or a section [network]")
+        return self
+
+    def facility(self) -> Facility:
+        """The road of the case and the maker of its traffic. Raises SpecError where there is no such place."""
+        if self.network is not None:
+            return network_corridor(self.network, self.work_zone)
+        assert self.road is not None  # noqa: S101 the rule above
+        return OwnRoad(road=self.road, work_zone=self.work_zone)
+
     def layout(self) -> WorkZoneLayout:
         """The layout of the zone on its road."""
-        return lay_out(self.work_zone, self.road.build())
+        return self.facility().layout
+
+    def write_sumo_files(self, folder: Path) -> SumoFiles:
+        """Write SUMO's files of the case into `folder`."""
+        return self.facility().write_sumo_files(folder, simulation=self.zone_simulation(), seed=self.seed)
 
     def capacity(self) -> ZoneCapacity:
         """The zone's capacity by the HCM. Raises SpecError where its model does not hold."""
@@ -85,7 +117,9 @@ class Scenario(Spec):
             )
         walled = (zone.work_space_device or zone.device) is DeviceKind.BARRIER
         site = self.site if self.site.barrier else self.site.model_copy(update={"barrier": "hard" if walled else "soft"})
-        total = self.road.lane_count
+        layout = self.layout()
+        total = layout.road.own_lanes + layout.road.opposing_lanes
+        zone = layout.work_zone
         return {"total_lanes": total, "open_lanes": total - len(set(zone.closed_lanes)), "site": site}
 
     def start_and_goal(self, layout: WorkZoneLayout) -> tuple[Pose, Pose]:
@@ -138,6 +172,8 @@ def keys_that_decide(section: type[Spec], what: Decides) -> set[str]:
 def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:
     """The scenario of a TOML file, with another seed where one is given. Raises SpecError: file, key, value, rule, remedy."""
     content: dict[str, Any] = read_toml(Path(path))
+    if isinstance(content.get("network"), dict):
+        content |= {"network": beside(content["network"], Path(path).parent)}
     if seed is not None:
         content = content | {"seed": seed}
     scenario = parse_spec(Scenario, content, source=str(path))
@@ -147,36 +183,45 @@ def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:
 
 
 # The sections that `misfits_of` reads.
-FITTING_SECTIONS = frozenset({"road", "work_zone", "site", "simulation", "route", "vehicle", "crowd", "map"})
+FITTING_SECTIONS = frozenset({"road", "network", "work_zone", "site", "simulation", "route", "vehicle", "crowd", "map"})
 
 
 def misfits_of(scenario: Scenario) -> list[str]:
     """What does not fit together in a scenario: zone and road, start and goal, flow and lanes, traces collected and used."""
-    crowd, demand, road = scenario.crowd, scenario.simulation.demand, scenario.road
+    crowd, demand = scenario.crowd, scenario.simulation.demand
     misfits = _messages_of_failed(
         scenario.layout
     ) or _messages_of_failed(  # where there is no layout, the other checks cannot be made
         lambda: scenario.mapped_ground(scenario.layout()),
-        lambda: check_departures(
-            scenario.zone_simulation().demand,
-            n_lanes=road.lane_count,
-            n_opposing=road.opposing_lane_count,
-            speed=mps_from_mph(scenario.work_zone.posted_speed_mph),
-        ),
+        lambda: _check_demand(scenario),
     )
     if demand.warm_up_s >= demand.duration_s:
         misfits.append(
             f"simulation.demand.warm_up_s={demand.warm_up_s:g} must be shorter than duration_s={demand.duration_s:g}; flows "
             "are counted, and the ego departs, between the two"
         )
-    if demand.opposing_flow_vph and not road.opposing_lane_count:
-        misfits.append(
-            f"simulation.demand.opposing_flow_vph={demand.opposing_flow_vph:g} needs an opposing lane; "
-            "set road.opposing_lane_count or leave the flow out"
-        )
     if crowd.used > crowd.collected:
         misfits.append(f"crowd.used={crowd.used} must be at most crowd.collected={crowd.collected}; collect more or use fewer")
     return misfits
+
+
+def _check_demand(scenario: Scenario) -> None:
+    """Raise SpecError where the road cannot take the demand, has one of its own, or the ego departs before the zone stands."""
+    demand, road = scenario.simulation.demand, scenario.road
+    if road is None:
+        check_demand_of_network(demand, scenario.facility())
+        return
+    if demand.opposing_flow_vph and not road.opposing_lane_count:
+        raise SpecError(
+            f"simulation.demand.opposing_flow_vph={demand.opposing_flow_vph:g} needs an opposing lane; "
+            "set road.opposing_lane_count or leave the flow out"
+        )
+    check_departures(
+        scenario.zone_simulation().demand,
+        n_lanes=road.lane_count,
+        n_opposing=road.opposing_lane_count,
+        speed=mps_from_mph(scenario.work_zone.posted_speed_mph),
+    )
 
 
 def _lane_pose(road: Road, station: float, lane: int) -> Pose:

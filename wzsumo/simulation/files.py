@@ -1,5 +1,6 @@
 """A scenario's folder of SUMO files: network, demand, shapes to draw, and the configuration that sumo-gui opens."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -44,14 +45,29 @@ class SimulationSpec(Spec):
         return self
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surroundings:
+    """What a network has beside the road of the zone, and the same simulation without the zone."""
+
+    along: tuple[str, ...]  # ids of SUMO's edges on which vehicles are on the road
+    around: tuple[str, ...]  # those, and the edges from which vehicles come onto the road or cross it
+    vehicle_sizes: Mapping[str, tuple[float, float]]  # (length, width) [m] by vehicle type
+    whole_edges: Mapping[str, str]  # the edge of which an edge is a piece
+    shapes: Mapping[str, str]  # of every whole edge between junctions, as SUMO writes lines: x,y x,y ... [m]
+    additionals: tuple[Path, ...]  # additional files of the configuration
+    without_zone: Path  # the configuration without the zone
+
+
 @dataclass(frozen=True, kw_only=True)
 class SumoFiles:
     """A folder of SUMO files; `config` names the others."""
 
     config: Path
-    edges: tuple[Edge, ...]
+    edges: tuple[Edge, ...]  # of the road
     step_length: float  # s
     duration: float  # s
+    begin: float = 0.0  # s, SUMO's time at the beginning, from which all other times count
+    surroundings: Surroundings | None = None  # None: the network is the road
 
 
 def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSpec, seed: int) -> SumoFiles:

@@ -2,7 +2,7 @@
 
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,10 @@ import pandas as pd
 import pyarrow.parquet as pq
 
 from wzsumo.errors import SimulationError
-from wzsumo.frames import advance, heading_from_sumo_angle
+from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle
 from wzsumo.simulation.connection import sumo_binary
 from wzsumo.simulation.demand import CAR, TRUCK
+from wzsumo.simulation.edge_records import edge_record_options
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.trips import TRIP_OPTIONS, trips_file
 
@@ -34,19 +35,28 @@ def simulate_fleet(files: SumoFiles, *, on_second: Callable[[float], None]) -> p
     `on_second` is called with the simulated time [s] about once a simulated second. SUMO's own record of every trip is then in
     `trips_file(files)`.
     """
-    with tempfile.TemporaryDirectory(dir=files.config.parent) as folder:
-        fcd = Path(folder) / "fcd.parquet"
+    with tempfile.TemporaryDirectory(dir=files.config.parent) as name:
+        folder = Path(name)
+        fcd = folder / "fcd.parquet"
         # SUMO's default of two decimals is 1 cm and 0.01 degrees.
-        fcd_options = ("--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,angle,speed,type", "--precision", "3")
-        options = (*fcd_options, "--tripinfo-output", str(trips_file(files)), *TRIP_OPTIONS)
-        run_to_end(files, options=options, on_second=on_second)
-        return _traces_of_fcd(fcd)
+        options = ["--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,angle,speed,type", "--precision", "3"]
+        if files.surroundings:
+            options += ["--fcd-output.filter-edges.input-file", str(_write_edge_list(files.surroundings.along, folder))]
+        run_to_end(files, options=(*options, *record_options(files)), on_second=on_second)
+        return _traces_of_fcd(fcd, files)
+
+
+def record_options(files: SumoFiles) -> tuple[str, ...]:
+    """SUMO's options for its own records: of every trip, and in a network of every edge (see `trips` and `edge_records`)."""
+    trips = ("--tripinfo-output", str(trips_file(files)), *TRIP_OPTIONS)
+    return trips if files.surroundings is None else (*trips, *edge_record_options(files.config.parent, files.surroundings))
 
 
 def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callable[[float], None]) -> None:
     """Run the simulation of `files` to its end, with further options of SUMO's such as its outputs.
 
-    `on_second` is called with the simulated time [s] about once a simulated second. Raises SimulationError where SUMO fails.
+    `on_second` is called with the time [s] from the beginning about once a simulated second.
+    Raises SimulationError where SUMO fails.
     """
     steps_a_second = max(1, round(1 / files.step_length))
     log = ("--no-step-log", "false", "--step-log.period", str(steps_a_second), "--no-warnings")
@@ -57,7 +67,7 @@ def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callabl
             try:
                 for line in process.stdout or ():
                     if line.startswith(_STEP_LOG_PREFIX):
-                        on_second(float(line.removeprefix(_STEP_LOG_PREFIX).split()[0]))
+                        on_second(float(line.removeprefix(_STEP_LOG_PREFIX).split()[0]) - files.begin)
             except BaseException:
                 process.kill()  # an interrupted program leaves no SUMO behind
                 raise
@@ -66,25 +76,44 @@ def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callabl
             raise SimulationError(f"SUMO ended with {process.returncode}: {' '.join(errors.read().split())[-300:]}")
 
 
-def _traces_of_fcd(path: Path) -> pd.DataFrame:
+def _write_edge_list(edges: Iterable[str], folder: Path) -> Path:
+    path = folder / "edges.txt"
+    path.write_text("".join(f"edge:{id_}\n" for id_ in edges), encoding="utf-8")
+    return path
+
+
+def _traces_of_fcd(path: Path, files: SumoFiles) -> pd.DataFrame:
     table = pq.read_table(path, columns=list(_FCD_COLUMNS)).to_pandas().rename(columns=_FCD_COLUMNS)
     table = table[table["vehicle_id"].notna()]  # a time step without vehicles is a row of nulls
     if table.empty:
         raise SimulationError(f"{path}: the simulation logged no vehicle")
-    truck = table["type"].str.startswith("truck").to_numpy()
-    length = np.where(truck, TRUCK["length_m"], CAR["length_m"])
+    length, width = _sizes_of(table["type"], files)
     bumper = np.column_stack([table["x"], table["y"], heading_from_sumo_angle(table["angle"])])
     centre = advance(bumper, -length / 2)
     traces = pd.DataFrame(
         {
             "vehicle_id": table["vehicle_id"].astype(str),
-            "time_s": table["time_s"].astype(float),
+            "time_s": table["time_s"].astype(float) - files.begin,
             "x_m": centre[:, 0],
             "y_m": centre[:, 1],
             "heading_rad": centre[:, 2],
             "speed_mps": table["speed_mps"].astype(float),
             "length_m": length,
-            "width_m": np.where(truck, TRUCK["width_m"], CAR["width_m"]),
+            "width_m": width,
         }
     )
     return traces.sort_values(["vehicle_id", "time_s"], kind="stable", ignore_index=True)
+
+
+def _sizes_of(types: pd.Series, files: SumoFiles) -> tuple[FloatArray, FloatArray]:
+    """Lengths and widths (n,) [m] of vehicles by their types."""
+    if files.surroundings is None:
+        truck = types.str.startswith("truck").to_numpy()
+        length, width = (np.where(truck, TRUCK[key], CAR[key]) for key in ("length_m", "width_m"))
+        return length, width
+    sizes = files.surroundings.vehicle_sizes
+    unknown = sorted(set(types.unique()) - sizes.keys())
+    if unknown:
+        raise SimulationError(f"{files.config}: vehicle type {unknown[0]!r} is in none of its route or additional files")
+    both = np.array([sizes[name] for name in types], dtype=np.float64)
+    return both[:, 0], both[:, 1]

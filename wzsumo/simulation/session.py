@@ -4,7 +4,7 @@ libsumo allows one simulation a process. Points leave this module as vehicle CEN
 each placed by the middle of its FRONT edge.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,8 +46,10 @@ class LaneBody:
 class Session:
     """A running simulation; made by `running`."""
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: Any, *, begin: float = 0.0, edges: tuple[str, ...] = ()) -> None:
         self._sumo = api
+        self._begin = begin
+        self._edges = edges
         self._sizes: dict[str, tuple[float, float]] = {}
         self._bodies: dict[int, str] = {}  # SUMO's vehicle that is the ego's body, by the lane of the road
         self._spare = [EGO_ID]  # bodies that stand for no part of the ego at present
@@ -57,8 +59,8 @@ class Session:
 
     @property
     def time(self) -> float:
-        """Simulated time [s]."""
-        return float(self._sumo.simulation.getTime())
+        """Simulated time [s] from the simulation's beginning."""
+        return float(self._sumo.simulation.getTime()) - self._begin
 
     def step(self) -> None:
         """Advance by one step."""
@@ -69,9 +71,10 @@ class Session:
         self._gridlock.resolve(traffic.ids, traffic.poses, traffic.lengths, traffic.speeds)
 
     def traffic(self) -> Traffic:
-        """The vehicles on the road now, without the ego's bodies."""
-        vehicle = self._sumo.vehicle
-        ids = tuple(v for v in vehicle.getIDList() if not v.startswith(EGO_ID))
+        """The vehicles on the road now, without the ego's bodies; in a network those on the edges that are looked at."""
+        vehicle, edge = self._sumo.vehicle, self._sumo.edge
+        there = [v for id_ in self._edges for v in edge.getLastStepVehicleIDs(id_)] if self._edges else vehicle.getIDList()
+        ids = tuple(v for v in there if not v.startswith(EGO_ID))
         for id_ in ids:
             if id_ not in self._sizes:
                 self._sizes[id_] = (vehicle.getLength(id_), vehicle.getWidth(id_))
@@ -98,14 +101,16 @@ class Session:
         lights = self._sumo.trafficlight
         return SIGNAL_ID not in lights.getIDList() or lights.getRedYellowGreenState(SIGNAL_ID)[OWN_LINK] in "gG"
 
-    def request_ego(self, vehicle: VehicleGeometry, *, edge: str, lane: int, position: float, speed: float) -> None:
-        """Ask SUMO to insert the ego, front bumper at `position` [m] of a lane, as soon as traffic leaves a gap for it."""
+    def request_ego(self, vehicle: VehicleGeometry, *, edges: Sequence[str], lane: int, position: float, speed: float) -> None:
+        """Ask SUMO to insert the ego, front bumper at `position` [m] of a lane, as soon as traffic leaves a gap for it.
+
+        `edges` are those from the one where it enters to the end of its way.
+        """
         api = self._sumo
         api.vehicletype.copy("DEFAULT_VEHTYPE", EGO_ID)
         api.vehicletype.setLength(EGO_ID, vehicle.length_m)
         api.vehicletype.setWidth(EGO_ID, vehicle.width_m + 2 * SIDE_CLEARANCE_M)
-        edges = api.route.getEdges("through")
-        api.route.add(EGO_ID, edges[edges.index(edge) :])
+        api.route.add(EGO_ID, list(edges))
         api.vehicle.add(
             EGO_ID,
             EGO_ID,
@@ -194,11 +199,15 @@ def _own_type(type_id: str) -> str:
 
 
 @contextmanager
-def running(config: Path, *, options: tuple[str, ...] = (), in_window: bool = False) -> Iterator[Session]:
+def running(
+    config: Path, *, options: tuple[str, ...] = (), in_window: bool = False, begin: float = 0.0, edges: tuple[str, ...] = ()
+) -> Iterator[Session]:
     """A simulation of a SUMO configuration, closed at the end of the block; with `in_window` it is shown in sumo-gui.
 
+    `begin` is SUMO's time [s] at the beginning, from which the session's times count; `edges` are those whose vehicles are
+    looked at, all where none are named.
     Raises SumoMissingError, and DisplayError where no window can be opened or it is closed before the end.
     """
     arguments = ["--configuration-file", str(config), *options]
     with connected_window(arguments) if in_window else connected_library(arguments) as api:
-        yield Session(api)
+        yield Session(api, begin=begin, edges=edges)

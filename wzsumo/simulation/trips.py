@@ -22,6 +22,7 @@ TRIP_COLUMNS = (
     "arrived",  # bool, at the road's end
     "travel_time_s",  # on the road, NaN unless arrived
     "time_loss_s",  # of the travel time, against the driver's own free speed; NaN unless arrived
+    "lost_so_far_s",  # the same of all vehicles up to the simulation's end; 0 unless entered
     "distance_m",  # driven so far
     "co2_g",
     "nox_g",
@@ -49,6 +50,7 @@ def read_trips(path: Path) -> pd.DataFrame:
             trip.get("id"), float(trip.get("departDelay", 0)), entered, arrived,
             float(trip.get("duration", np.nan)) if arrived else np.nan,
             float(trip.get("timeLoss", np.nan)) if arrived else np.nan,
+            float(trip.get("timeLoss", 0)) if entered else 0.0,
             float(trip.get("routeLength", 0)) if entered else 0.0,
             *grams,
         ))  # fmt: skip

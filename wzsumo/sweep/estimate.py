@@ -12,6 +12,7 @@ from wzsumo.units import mps_from_mph
 # command line prints a study's time as "about".
 CPU_S_PER_VEHICLE_STEP = 28e-6  # SUMO's sublane model, with the log of the fleet
 CPU_S_PER_DRIVE = 8.0
+VEHICLES_IN_NETWORK = 300  # taken to be under way in a network: some 10 km of a busy freeway; chosen by us
 CPU_S_PER_LIDAR_DRIVE = 60.0  # a mapping drive of 500 scans
 PROCESS_START_S = 4.0
 
@@ -45,6 +46,9 @@ def estimate(study: Study, *, finished: Container[str]) -> Estimate:
 
 def _simulation_s(scenario: Scenario) -> float:
     demand, road = scenario.simulation.demand, scenario.layout().road
+    if scenario.network is not None:  # simulated with and without the zone
+        steps = 2 * demand.duration_s / scenario.simulation.step_length_s
+        return CPU_S_PER_VEHICLE_STEP * VEHICLES_IN_NETWORK * steps
     vehicles = demand.flow_vph * demand.duration_s / 3600
     crossing_s = road.length / mps_from_mph(scenario.work_zone.posted_speed_mph)
     return CPU_S_PER_VEHICLE_STEP * vehicles * crossing_s / scenario.simulation.step_length_s

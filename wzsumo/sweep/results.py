@@ -38,6 +38,7 @@ def _number(unit: str, meaning: str) -> Column:
     return Column(type=pa.float64(), unit=unit, meaning=meaning)
 
 
+_CHANGE = "with the zone less without it, same seed"
 CASE_COLUMNS = {
     "case": _text("name of the case, a hash of everything that decides its result; `wzsumo run DIR --case NAME` runs it alone"),
     "simulation": _text("name of the simulation of the fleet; cases of one simulation are paired"),
@@ -134,6 +135,15 @@ MEASURED_COLUMNS = {
     "fleet_mean_delay_s": _number("s", "mean delay of the vehicles that arrived, departure delay included"),
     "fleet_max_queue_length_m": _number("m", "longest queue"),
     "fleet_n_hard_braking": _count("vehicles that braked hard"),
+    "network_mean_delay_without_s": _number("s", "network without the zone: mean delay by vehicle, departure delay included"),
+    "network_delay_h_change": _number("veh h", f"network: delay of all vehicles together, {_CHANGE}"),
+    "network_mean_delay_s_change": _number("s", f"network: mean delay by vehicle, departure delay included, {_CHANGE}"),
+    "network_mean_departure_delay_s_change": _number("s", f"network: mean departure delay, {_CHANGE}"),
+    "network_mean_travel_time_s_change": _number("s", f"network: mean travel time of those that arrived, {_CHANGE}"),
+    "network_co2_kg_change": _number("kg", f"network: carbon dioxide, {_CHANGE}"),
+    "network_n_arrived_change": _count(f"network: vehicles that arrived, {_CHANGE}"),
+    "network_corridor_delay_h_change": _number("veh h", f"road of the zone in a network: time lost on it, {_CHANGE}"),
+    "network_corridor_co2_kg_change": _number("kg", f"road of the zone in a network: carbon dioxide on it, {_CHANGE}"),
 }
 BATCH_SCHEMA = pa.schema(
     [("case", pa.string()), *((name, column.type) for name, column in MEASURED_COLUMNS.items()), ("case_cpu_s", pa.float64())]

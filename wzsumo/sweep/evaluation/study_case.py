@@ -9,6 +9,7 @@ from typing import Any
 
 from wzsumo.case.map_method import MapMethod, Source
 from wzsumo.case.methods import METHODS
+from wzsumo.scenario.facility import content_of
 from wzsumo.scenario.scenario import Scenario, keys_that_decide, sections_that_decide
 from wzsumo.scenario.sections import CrowdSpec, Decides
 from wzsumo.sweep.version import code_version
@@ -38,12 +39,12 @@ class StudyCase:
     @cached_property
     def id(self) -> str:
         """Name of the case: a hash of everything that decides its result, the version of the code included."""
-        return _digest(self.scenario.model_dump(mode="json", exclude={"name"}), self.method, self.drive)
+        return _digest(self.scenario.model_dump(mode="json", exclude={"name"}), self._files, self.method, self.drive)
 
     @cached_property
     def simulation(self) -> str:
         """Name of the simulation of the fleet. Many cases share one simulation."""
-        return _digest(self._content(Decides.SIMULATION))
+        return _digest(self._content(Decides.SIMULATION), self._files)
 
     @cached_property
     def source(self) -> str:
@@ -59,6 +60,11 @@ class StudyCase:
     def evaluation(self) -> str:
         """Name of map, plan and drive. Cases share them where they differ only in keys that their method does not use."""
         return _digest(self.source, self._content(Decides.SITE, Decides.DRIVE), self.method, self.drive)
+
+    @cached_property
+    def _files(self) -> str:
+        """What the files of the scenario's network hold."""
+        return content_of(self.scenario.network) if self.scenario.network else ""
 
     def _content(self, *decided: Decides) -> dict[str, Any]:
         """The content of the sections that decide these, without the keys that only decide when enough traces are collected."""

@@ -9,7 +9,7 @@ import resource
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -29,16 +29,22 @@ from wzsumo.errors import InputError
 from wzsumo.files.output import parquet_bytes
 from wzsumo.files.work_folder import work_folder
 from wzsumo.grid import OccupancyGrid
+from wzsumo.metrics.network_traffic import network_figures
 from wzsumo.planning.plan import load_kernels
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site, prepare_site
-from wzsumo.simulation.files import SumoFiles, write_sumo_files
+from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.sweep.evaluation.study_case import StudyCase
 
 FLEET_FIGURES = (
     "n_passed", "mean_speed_activity_mps", "locked_s", "throughput_vph", "mean_delay_s", "max_queue_length_m",
     "n_hard_braking",
+)  # fmt: skip
+# Of a network, those with the zone less those without it in the same simulation; none for a road of our own.
+NETWORK_CHANGES = (
+    "delay_h", "mean_delay_s", "mean_departure_delay_s", "mean_travel_time_s", "co2_kg", "n_arrived", "corridor_delay_h",
+    "corridor_co2_kg",
 )  # fmt: skip
 _FLEET = b"fleet"  # key of the fleet's summary in the metadata of the Parquet file
 _ONE_SIMULATION = threading.Lock()  # libsumo allows one per process, and a Dask worker may run several threads
@@ -50,6 +56,8 @@ def simulate(scenario: Scenario) -> bytes:
     with _ONE_SIMULATION, _in_processor_seconds() as spent, work_folder(Path(tempfile.gettempdir())) as folder:
         zone, measures = simulate_zone(scenario, layout, folder=folder, watch=Watch())
     summary = asdict(measures.summary) | asdict(measures.traffic.summary) | {"simulation_cpu_s": spent[0]}
+    if measures.network is not None:
+        summary |= {"network": network_figures(measures.network)}
     table = pa.Table.from_pandas(zone.over_zone, preserve_index=False)
     metadata = dict(table.schema.metadata or {}) | {_FLEET: json.dumps(summary).encode()}
     return parquet_bytes(table.replace_schema_metadata(metadata))
@@ -70,9 +78,18 @@ def evaluate_cases(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[st
                 row = shared.row_of(case) | {"status": "DONE"}
             except InputError as error:
                 row = {"status": "REFUSED", "reason": str(error)}
-        known = {"case": case.id} | {f"fleet_{name}": fleet[name] for name in FLEET_FIGURES}
+        known = {"case": case.id} | {f"fleet_{name}": fleet[name] for name in FLEET_FIGURES} | network_columns(fleet)
         rows.append(known | row | {"case_cpu_s": spent[0]})
     return rows
+
+
+def network_columns(fleet: Mapping[str, Any]) -> dict[str, float]:
+    """What the zone changes in a network, by columns of the table; none for a road of our own."""
+    figures = fleet.get("network")
+    if not figures:
+        return {}
+    columns = {f"network_{name}_change": figures["change"][name] for name in NETWORK_CHANGES}
+    return columns | {"network_mean_delay_without_s": figures["without_zone"]["mean_delay_s"]}
 
 
 def read_simulated(simulated: bytes) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -120,19 +137,19 @@ class _SharedWork:
             )
             crowd = self._sources[2].crowd if self._sources is not None and same_crowd else None
             site = self._site_of(case)
-            zone = _zone_of(case.scenario, site, over_zone=self._over_zone)
+            zone = _zone_of(case.scenario, over_zone=self._over_zone)
             sources = Sources(zone=zone, scenario=case.scenario, site=site, watch=Watch(), known_crowd=crowd)
             self._sources, self._maps, self._rows = (case.source, case.site, sources), {}, {}
         return self._sources[2]
 
 
-def _zone_of(scenario: Scenario, site: Site, *, over_zone: pd.DataFrame) -> SimulatedZone:
+def _zone_of(scenario: Scenario, *, over_zone: pd.DataFrame) -> SimulatedZone:
     """The simulated zone of a case. It simulates again where a step needs more than the traces in the zone."""
 
     @contextmanager
     def sumo_files() -> Iterator[SumoFiles]:
         with _ONE_SIMULATION, work_folder(Path(tempfile.gettempdir())) as folder:
-            yield write_sumo_files(site.layout, folder, spec=scenario.zone_simulation(), seed=scenario.seed)
+            yield scenario.write_sumo_files(folder)
 
     def whole_fleet() -> pd.DataFrame:
         with sumo_files() as files:

@@ -1,0 +1,31 @@
+"""Length and width of the vehicle types of a demand."""
+
+from collections.abc import Iterable
+
+from wzsumo.placement.demand_files.vehicles import DEFAULT_CLASS, DEFAULT_TYPE, number_in
+from wzsumo.placement.xml_file import Element, XmlFile
+
+# (length, width) [m] of SUMO's vehicle classes (SUMO docs, Vehicle Type Parameter Defaults).
+CLASS_SIZES = {
+    "passenger": (5.0, 1.8), "private": (5.0, 1.8), "taxi": (5.0, 1.8), "hov": (5.0, 1.8), "evehicle": (5.0, 1.8),
+    "vip": (5.0, 1.8), "army": (5.0, 1.8), "authority": (5.0, 1.8), "custom1": (5.0, 1.8), "custom2": (5.0, 1.8),
+    "ignoring": (5.0, 1.8), "emergency": (6.5, 2.16), "delivery": (6.5, 2.16), "truck": (7.1, 2.4), "trailer": (16.5, 2.55),
+    "bus": (12.0, 2.5), "coach": (14.0, 2.6), "motorcycle": (2.2, 0.9), "moped": (2.1, 0.8), "bicycle": (1.6, 0.65),
+    "scooter": (1.2, 0.5),
+}  # fmt: skip
+
+
+def vehicle_sizes(files: Iterable[XmlFile]) -> dict[str, tuple[float, float]]:
+    """(length, width) [m] by the id of each vehicle type of the files, SUMO's default type included."""
+    sizes = {DEFAULT_TYPE: CLASS_SIZES[DEFAULT_CLASS]}
+
+    def take(element: Element) -> None:
+        for item in element.walk():
+            if item.tag == "vType":
+                length, width = CLASS_SIZES.get(item.get("vClass", DEFAULT_CLASS), CLASS_SIZES[DEFAULT_CLASS])
+                own = number_in(item.get("length"), length), number_in(item.get("width"), width)
+                sizes[item.get("id")] = own[0] or length, own[1] or width
+
+    for file in files:
+        file.root_and_children(take)
+    return sizes
