@@ -10,7 +10,7 @@ CLASS_SIZES = {
     "passenger": (5.0, 1.8), "private": (5.0, 1.8), "taxi": (5.0, 1.8), "hov": (5.0, 1.8), "evehicle": (5.0, 1.8),
     "vip": (5.0, 1.8), "army": (5.0, 1.8), "authority": (5.0, 1.8), "custom1": (5.0, 1.8), "custom2": (5.0, 1.8),
     "ignoring": (5.0, 1.8), "emergency": (6.5, 2.16), "delivery": (6.5, 2.16), "truck": (7.1, 2.4), "trailer": (16.5, 2.55),
-    "bus": (12.0, 2.5), "coach": (14.0, 2.6), "motorcycle": (2.2, 0.9), "moped": (2.1, 0.8), "bicycle": (1.6, 0.65),
+    "bus": (12.0, 2.5), "coach": (14.0, 2.6), "motorcycle": (2.2, 0.9), "moped": (2.1, 0.78), "bicycle": (1.6, 0.65),
     "scooter": (1.2, 0.5),
 }  # fmt: skip
 
