@@ -128,7 +128,7 @@ def test_merge_position_is_the_last_fix_in_the_closing_lane() -> None:
 
 def test_vehicle_that_never_entered_has_a_row_without_figures_of_the_road() -> None:
     traces, trips = stream(n=3, headway_s=10.0, speed=25.0)
-    never = pd.DataFrame([["v003", 55.0, False, False, np.nan, np.nan, 0.0, 0.0, 0.0, 0.0]], columns=trips.columns)
+    never = pd.DataFrame([["v003", 55.0, False, False, np.nan, np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]], columns=trips.columns)
     trips = pd.concat([trips, never], ignore_index=True)
     found = measure(traces, trips, warm_up_s=0)
     row = found.vehicles.set_index("vehicle_id").loc["v003"]
