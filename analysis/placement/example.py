@@ -118,8 +118,8 @@ def _draw_lanes(axes: Axes, placed: Path) -> None:
     axes.scatter(at[:, 0], at[:, 1], s=8, color="#D55E00", zorder=3, label="device")
     axes.fill_between([], [], [], color="#56B4E9", alpha=0.45, label="open lane in SUMO")
     axes.fill_between([], [], [], color="#E69F00", alpha=0.45, label="closed lane; bars where edges are cut")
-    axes.set(xlabel="along the freeway from the first device [m]", ylabel="across [m]", xlim=(-150, 750), ylim=(-12, 5))
-    axes.legend(frameon=False, ncols=3, loc="upper right", fontsize=8)
+    axes.set(xlabel="along the freeway from the first device [m]", ylabel="across [m]", xlim=(-150, 750), ylim=(-12.5, 1))
+    axes.legend(frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=8)
 
 
 if __name__ == "__main__":

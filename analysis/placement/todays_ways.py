@@ -26,6 +26,7 @@ DEMANDS_VPH = (3000, 5400)
 COUNTED_S = (300.0, 1200.0)
 STEP_S = 0.5
 CONE_EVERY_M = 20.0
+ZONE_EDGE = "m3"
 OPTIONS = ("--step-length", f"{STEP_S:g}", "--end", "1200", "--no-step-log", "--no-warnings", "--xml-validation", "never")
 CONES = (
     '<vType id="cone" length="0.5" width="0.5" minGap="0" color="orange" guiShape="pedestrian"/>\n'
@@ -90,7 +91,10 @@ def _ways(placed: Path, folder: Path) -> dict[str, list[str]]:
 
 def _run(placed: Path, words: list[str], seed: int) -> dict[str, float]:
     fcd = placed / "fcd.xml"
-    attributes = ("--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,angle,type,lane")
+    edges = placed / "edges.txt"
+    edges.write_text("".join(f"edge:{id_}\n" for id_ in (ZONE_EDGE, *(f"{ZONE_EDGE}.wz{n}" for n in range(4)))))
+    attributes = ("--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,angle,type", "--precision", "2")
+    attributes += ("--fcd-output.filter-edges.input-file", str(edges))
     subprocess.run(
         [str(sumo_binary("sumo")), *words, "--seed", str(seed), *OPTIONS, *attributes], check=True, capture_output=True
     )
@@ -124,7 +128,7 @@ def _run(placed: Path, words: list[str], seed: int) -> dict[str, float]:
     begin, end = COUNTED_S
     counted = sum(begin <= time < end for time in past)
     return {
-        "vehicles": len(everyone), "past_work_vph": 3600 * counted / (end - begin), "over_closed_ground": len(over),
+        "vehicles_on_edge": len(everyone), "past_work_vph": 3600 * counted / (end - begin), "over_closed_ground": len(over),
         "past_work": len(past),
     }  # fmt: skip
 
