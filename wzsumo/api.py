@@ -21,6 +21,7 @@ from wzsumo.placement.configuration import Configuration
 from wzsumo.placement.net import Net
 from wzsumo.placement.place_on_net import edge_near
 from wzsumo.placement.placement import place_zone, write_placement
+from wzsumo.placement.study.zone_times import zone_times
 from wzsumo.planning.plan import Plan, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.report.report import PAGE, write_report
@@ -106,11 +107,14 @@ def place(
     sumocfg: Path | str | None = None,
     routes: Sequence[Path | str] = (),
     additionals: Sequence[Path | str] = (),
+    closed_from_s: float = 0.0,
+    closed_for_s: float | None = None,
 ) -> dict[str, Any]:
     """The report of changes after setting a zone up in an existing SUMO network, as `wzsumo place` does.
 
     `at` is an edge and a position [m] on it, `at_latlon` a place in degrees; one of them is given. `out` then holds the
-    configurations `original`, `open` and `closed`. Raises InputError where the zone cannot stand there.
+    configurations `original`, `open` and `closed`. With `closed_from_s` or `closed_for_s`, from the simulation's beginning, the
+    zone is set up and taken away while traffic runs. Raises InputError where the zone cannot stand there.
     """
     if (at is None) == (at_latlon is None):
         raise InputError("give the place of the zone either as at=(edge, position) or as at_latlon=(latitude, longitude)")
@@ -123,8 +127,11 @@ def place(
         configuration = Configuration.of_files(Path(net), map(Path, routes), map(Path, additionals))
     edge, position = at or edge_near(network, *(at_latlon or (0.0, 0.0)))
     placed = place_zone(network, to_place, edge_id=edge, position=position, side=lane_side)
+    times = zone_times(closed_from_s, closed_for_s)
+    if times:
+        times.check(placed.closed)
     with staged_folder(Path(out), files=("changes.json", "layout.geojson", "layout.png")) as stage:
-        report = write_placement(placed, configuration, stage)
+        report = write_placement(placed, configuration, stage, times=times)
         drawing = ResultFolder(folder=stage, result={}, layout=layout_geojson(placed.layout))
         save_figure(draw_zone(drawing), stage / "layout.png")
     return report

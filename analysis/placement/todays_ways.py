@@ -94,9 +94,9 @@ def _run(placed: Path, words: list[str], seed: int) -> dict[str, float]:
     edges = placed / "edges.txt"
     edges.write_text("".join(f"edge:{id_}\n" for id_ in (ZONE_EDGE, *(f"{ZONE_EDGE}.wz{n}" for n in range(4)))))
     attributes = ("--fcd-output", str(fcd), "--fcd-output.attributes", "x,y,angle,type", "--precision", "2")
-    attributes += ("--fcd-output.filter-edges.input-file", str(edges))
+    where = ("--fcd-output.filter-edges.input-file", str(edges))
     subprocess.run(
-        [str(sumo_binary("sumo")), *words, "--seed", str(seed), *OPTIONS, *attributes], check=True, capture_output=True
+        [str(sumo_binary("sumo")), *words, "--seed", str(seed), *OPTIONS, *attributes, *where], check=True, capture_output=True
     )
     ground = closed_ground(placed)
     core = ground.buffer(-TOUCH_M)

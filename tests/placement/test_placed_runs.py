@@ -231,3 +231,36 @@ def test_bad_input_is_told_in_one_line_and_nothing_is_written(words: list[str], 
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert message in err
     assert not (tmp_path / "out").exists()
+
+
+def test_routes_of_another_network_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(LEFT_LANE)
+    (tmp_path / "trips.xml").write_text('<routes><trip id="a" from="m1" to="elsewhere" depart="0"/></routes>')
+    words = ("--at", "m3", 300, "--routes", tmp_path / "trips.xml", "--out", tmp_path / "out")
+    code, _, err = run_place(freeway(), "--zone", tmp_path / "zone.toml", *words)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "trips.xml: 1 of 2 edges that vehicles drive on are not in" in err
+    assert "'elsewhere'" in err
+    assert not (tmp_path / "out").exists()
+
+
+def test_zone_with_a_time_is_open_with_rerouters_that_bar_its_lanes(tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(LEFT_LANE)
+    words = ("--at", "m3", 300, "--routes", freeway().parent / "demand.rou.xml", "--out", tmp_path / "out")
+    code, _, _ = run_place(freeway(), "--zone", tmp_path / "zone.toml", *words, "--closed-from", 60, "--closed-for", 900)
+    assert code == 0
+    nets = [(tmp_path / "out" / name / "small.net.xml").read_bytes() for name in ("open", "closed")]
+    assert nets[0] == nets[1]
+    closure = ET.parse(tmp_path / "out" / "closed" / "wzsumo.closure.add.xml").getroot()  # noqa: S314
+    intervals = {(item.get("begin"), item.get("end")) for item in closure.iter("interval")}
+    assert min(float(begin or 0) for begin, _ in intervals) == 60
+    assert {end for _, end in intervals} == {"960.0"}
+    assert {lane.get("id") for lane in closure.iter("closingLaneReroute")} == {"m3.wz1_2", "m3.wz2_2"}
+
+
+def test_zone_that_is_gone_before_it_stands_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(LEFT_LANE)
+    words = ("--at", "m3", 300, "--routes", freeway().parent / "demand.rou.xml", "--out", tmp_path / "out")
+    code, _, err = run_place(freeway(), "--zone", tmp_path / "zone.toml", *words, "--closed-for", 60)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "begin earlier or end later" in err

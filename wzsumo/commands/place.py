@@ -37,6 +37,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sumocfg", type=Path, metavar="FILE", help="a configuration of the network: all its files are kept")
     parser.add_argument("--routes", type=Path, nargs="+", default=[], metavar="FILE", help="demand, where there is no sumocfg")
     parser.add_argument("--additionals", type=Path, nargs="+", default=[], metavar="FILE", help="detectors, stops, ...")
+    parser.add_argument(
+        "--closed-from", type=number, default=0.0, metavar="S", help="when the set-up begins, from the beginning"
+    )
+    parser.add_argument("--closed-for", type=number, metavar="S", help="from then on, until all lanes are open again")
     add_out_folder(parser)
 
 
@@ -61,6 +65,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         sumocfg=args.sumocfg,
         routes=args.routes,
         additionals=args.additionals,
+        closed_from_s=args.closed_from,
+        closed_for_s=args.closed_for,
     )
     configs = {name: str(args.out / name / "run.sumocfg") for name in ("original", "open", "closed")}
     return report["zone"] | {

@@ -16,8 +16,9 @@ def edge_at(net: Net, edge_id: str, position: float) -> tuple[NetEdge, float]:
     """(edge, position from its beginning [m]); raises PlacementError where the network has none such."""
     edge = net.edges.get(edge_id)
     if edge is None or edge.is_internal:
+        n_edges = sum(not edge.is_internal for edge in net.edges.values())
         raise PlacementError(
-            f"--at {edge_id}: the network has no such edge; give the id of one of its {len(net.edges)} edges, as in "
+            f"--at {edge_id}: the network has no such edge; give the id of one of its {n_edges} edges, as in "
             f"{net.file.path.name} or sumo-gui"
         )
     if not -edge.length <= position <= edge.length:

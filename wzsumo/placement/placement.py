@@ -96,6 +96,7 @@ def write_placement(
     cuts = {cut.edge.id: cut for cut in placed.plan.cuts}
     files = {path: XmlFile.read(path, role="the demand") for path in configuration.demand}
     demand = Demand.read(list(files.values()))
+    _check_edges_are_there(net, demand, configuration)
     doubts = _check_routes(placed, demand)
     rewriting = Rewriting(cuts=cuts, routes=demand.routes, rules=RULES, closed_lanes=placed.closed.closed_lanes, doubts=doubts)
     rewritten = {path: rewriting.rewrite(file) for path, file in files.items()}
@@ -150,6 +151,19 @@ def _laid_out(work_zone: WorkZone, road: Road, edge_id: str) -> WorkZoneLayout:
         return lay_out(work_zone, road)
     except SpecError as error:
         raise SpecError(f"on edge {edge_id!r}: {error}") from None
+
+
+def _check_edges_are_there(net: Net, demand: Demand, configuration: Configuration) -> None:
+    """Raise PlacementError where routes or trips name edges that the network has not."""
+    named = {edge for route in demand.routes.values() for edge in route} | {
+        edge for trip in demand.trips for edge in trip.edges
+    }
+    if missing := sorted(named - net.edges.keys()):
+        files = ", ".join(path.name for path in configuration.demand)
+        raise PlacementError(
+            f"{files}: {len(missing)} of {len(named)} edges that vehicles drive on are not in {net.file.path}, such as "
+            f"{missing[0]!r}; give the routes of this network"
+        )
 
 
 def _check_routes(placed: Placed, demand: Demand) -> list[str]:

@@ -18,7 +18,7 @@ from wzsumo.placement.net import Net
 from wzsumo.placement.place_on_net import edge_near, known_frame
 from wzsumo.placement.placement import Placed, place_zone
 from wzsumo.placement.study.study_files import write_study_files
-from wzsumo.placement.study.zone_times import ZoneTimes
+from wzsumo.placement.study.zone_times import ZoneTimes, zone_times
 from wzsumo.placement.zone_file import Shoulders, ZoneToPlace
 from wzsumo.road import RoadSpec
 from wzsumo.scenario.network_section import NetworkSection
@@ -147,10 +147,7 @@ def _placed(section: NetworkSection, work_zone: WorkZone, _stamps: tuple[tuple[P
     shoulders = Shoulders(left_shoulder_ft=section.left_shoulder_ft, right_shoulder_ft=section.right_shoulder_ft)
     zone = ZoneToPlace(work_zone=work_zone.model_dump(exclude={"start_ft"}), road=shoulders)
     placed = place_zone(net, zone, edge_id=place[0], position=place[1], side=section.lane_side)
-    times = None
-    if section.closed_from_s or section.closed_for_s is not None:
-        end = None if section.closed_for_s is None else section.closed_from_s + section.closed_for_s
-        times = ZoneTimes(begin=section.closed_from_s, end=end)
+    times = zone_times(section.closed_from_s, section.closed_for_s)
     return NetworkCorridor(placed=placed, configuration=configuration, times=times)
 
 

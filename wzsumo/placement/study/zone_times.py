@@ -29,8 +29,8 @@ class ZoneTimes:
         stands = self.begin + (closed.plan.layout.end - first_barred_station(closed)) / SET_UP_SPEED_MPS
         return stands, float("inf") if self.end is None else self.end
 
-    def check(self, closed: ClosedLanes, *, duration: float) -> None:
-        """Raise PlacementError where the zone never stands, or moves lanes that stay open."""
+    def check(self, closed: ClosedLanes, *, duration: float = float("inf")) -> None:
+        """Raise PlacementError where the zone never stands within the simulation, or moves lanes that stay open."""
         stands, until = self.standing(closed)
         if not stands < min(until, duration):
             raise PlacementError(
@@ -48,6 +48,18 @@ class ZoneTimes:
                 f"the zone moves lane {moved[0]!r}, which stays open, and SUMO's lanes cannot move while a simulation runs; "
                 "let the zone stand from the beginning, or close lanes without a shift"
             )
+
+
+def zone_times(closed_from_s: float, closed_for_s: float | None) -> ZoneTimes | None:
+    """The times of a zone from its keys; None for a zone that stands from the beginning to the end."""
+    if closed_from_s < 0 or (closed_for_s is not None and closed_for_s <= 0):
+        raise PlacementError(
+            f"closed from {closed_from_s:g} s for {closed_for_s or 0:g} s: give a time of 0 or more from the simulation's "
+            "beginning, and a duration above 0"
+        )
+    if not closed_from_s and closed_for_s is None:
+        return None
+    return ZoneTimes(begin=closed_from_s, end=None if closed_for_s is None else closed_from_s + closed_for_s)
 
 
 def first_barred_station(closed: ClosedLanes) -> float:
