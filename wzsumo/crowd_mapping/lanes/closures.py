@@ -23,8 +23,9 @@ from wzsumo.frames import BoolArray, FloatArray
 P_CLOSED_ANNOUNCED, P_CLOSED = 0.5, 0.05  # of a lane somewhere along the road, where a zone is announced and where none is
 P_CLOSED_AS_SAID, P_CLOSED_NOT_SAID = 0.8, 0.1  # where the announcement says which lanes are closed
 SEEMING_SHARE = 0.001  # of traces that seem to drive in a closed lane: stray vehicles, jumps of positions. Chosen by us
-# The same of a vehicle that stands or creeps there while others drive by: a work vehicle
+# The same of a vehicle that stands or creeps there while nearly all others drive by: a work vehicle
 SEEMING_SHARE_OF_SLOW, SLOW_FACTOR = 0.5, 3.0
+QUEUED_SHARE = 0.25  # of traces that are slow at a place: more of them stand in a queue. Chosen by us
 MIN_SLOW_S = 20.0  # that such a vehicle loses; a fix that is a second or two late loses no more. Chosen by us
 # A closure is doubted where this many traces, and at most this share of them, seem to drive in it
 MIN_DOUBTFUL_USERS, MAX_DOUBTFUL_SHARE, DOUBT_ROUNDS = 0.5, 0.35, 3
@@ -128,14 +129,14 @@ def _lane_changes_per_m(fit: LaneFit, observations: Observations) -> float:
 
 
 def slow_stretches(observations: Observations) -> BoolArray:
-    """Where (traces, stations) a vehicle takes SLOW_FACTOR times as long a metre as half of the others.
+    """Where (traces, stations) a vehicle takes SLOW_FACTOR times as long a metre as all but the slowest QUEUED_SHARE.
 
-    Only vehicles that lose MIN_SLOW_S in all count: a fix may be late.
+    In a queue many are slow, a work vehicle is slow alone. Only vehicles that lose MIN_SLOW_S in all count: a fix may be late.
     """
     slowness = np.where(observations.slowness > 0, observations.slowness, np.nan)
     usual = np.full(slowness.shape[1], np.inf)
     some = np.isfinite(slowness).any(axis=0)
-    usual[some] = np.nanmedian(slowness[:, some], axis=0)
+    usual[some] = np.nanquantile(slowness[:, some], 1 - QUEUED_SHARE, axis=0)
     slow = observations.slowness > SLOW_FACTOR * usual
     lost_s = np.where(slow, observations.slowness - np.where(some, usual, 0.0), 0.0).sum(axis=1) * observations.spacing
     return slow & (lost_s >= MIN_SLOW_S)[:, None]

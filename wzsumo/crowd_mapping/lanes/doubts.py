@@ -5,6 +5,7 @@ import numpy as np
 from wzsumo.crowd_mapping.lanes.course import Course
 from wzsumo.crowd_mapping.lanes.fit import LaneFit
 from wzsumo.crowd_mapping.lanes.observations import Observations
+from wzsumo.crowd_mapping.lanes.witnesses import lanes_driven
 from wzsumo.frames import BoolArray
 from wzsumo.grid import FREE_THRESHOLD, OCCUPIED_THRESHOLD
 from wzsumo.lane_map import MappedBranch, MappedLane
@@ -70,7 +71,8 @@ def said_of_traces(
     fit: LaneFit, observations: Observations, *, slow: BoolArray, lanes: tuple[MappedLane, ...]
 ) -> tuple[list[dict[str, str]], list[str]]:
     """(traces that bear no witness, with the reason; the same in words)."""
-    off_lane_m = ((observations.eta > 0) & (fit.burst > 0.5)).sum(axis=1) * observations.spacing
+    beside = (fit.burst > 0.5) & (lanes_driven(fit, observations).max(axis=2) < 0.5)
+    off_lane_m = ((observations.eta > 0) & beside).sum(axis=1) * observations.spacing
     closed = np.stack([lane.p_open_middle < 1 - OCCUPIED_THRESHOLD for lane in lanes], axis=1)
     in_closed = (fit.in_lane > 0.5) & closed[None]
     somewhere_closed = in_closed.max(axis=2)
