@@ -17,6 +17,9 @@ from wzsumo.road import Road
 # Knots far enough apart that the axis follows bends and not the lateral shifts of a work zone, which last 35 to 250 m
 # (MUTCD 11th ed., Table 6B-3, half of L): those stay in the lateral offsets, where they are found as kinks.
 KNOT_SPACING_M = 300.0
+# Where the line turns away from the points by more, as at a street corner, the knots lie nearer. A lane's shift stays below
+MAX_OFF_AXIS_M, SHORTEST_KNOT_SPACING_M = 4.0, 20.0
+N_NEIGHBOURS = 3  # points that together say that the line is off; chosen by us
 POINT_SPACING_M = 5.0  # of the axis; chosen by us
 CENTRING_ROUNDS = 3  # on bends of 300 m radius the axis moves by less than 1 cm in the third
 MAX_FIXES = 100_000  # that are taken, evenly, for the axis: some per metre and lane of any zone
@@ -122,11 +125,26 @@ def _centred(axis: Road, points: FloatArray) -> FloatArray:
 def _spline(along: FloatArray, points: FloatArray) -> FloatArray:
     """Points every POINT_SPACING_M of the least-squares cubic spline through points (n, 2) at arc lengths (n,) [m]."""
     length = along[-1] - along[0]
-    knots = np.linspace(along[0], along[-1], max(2, int(np.ceil(length / KNOT_SPACING_M)) + 1))
-    # A knot interval without a point of its own would leave the spline undetermined (Schoenberg-Whitney).
-    inner = [a for a, b in pairwise(knots[1:]) if ((along > a) & (along < b)).sum() > 1]
-    inner = inner if len(along) > 2 * len(inner) + 8 else []
-    degree = min(3, len(along) - 1)
-    full = np.concatenate([[along[0]] * (degree + 1), inner, [along[-1]] * (degree + 1)])
-    spline = make_lsq_spline(along, points, full, k=degree)
+    ends = np.linspace(along[0], along[-1], max(2, int(np.ceil(length / KNOT_SPACING_M)) + 1))
+    while True:
+        # A knot interval without a point of its own would leave the spline undetermined (Schoenberg-Whitney).
+        inner = [b for a, b in pairwise(ends[:-1]) if ((along > a) & (along < b)).sum() > 1]
+        inner = inner if len(along) > 2 * len(inner) + 8 else []
+        degree = min(3, len(along) - 1)
+        full = np.concatenate([[along[0]] * (degree + 1), inner, [along[-1]] * (degree + 1)])
+        spline = make_lsq_spline(along, points, full, k=degree)
+        off = np.hypot(*(points - spline(along)).T)
+        halves = [
+            (a + b) / 2 for a, b in pairwise(ends)
+            if b - a > 2 * SHORTEST_KNOT_SPACING_M and _longest_mean(off[(along >= a) & (along <= b)]) > MAX_OFF_AXIS_M
+        ]  # fmt: skip
+        if not halves:
+            break
+        ends = np.sort(np.concatenate([ends, halves]))
     return np.asarray(spline(np.linspace(along[0], along[-1], max(2, int(length / POINT_SPACING_M) + 1))))
+
+
+def _longest_mean(off: FloatArray) -> float:
+    """The largest of the means over some neighbours: single points may err."""
+    width = min(N_NEIGHBOURS, len(off))
+    return float(np.convolve(off, np.full(width, 1 / width), mode="valid").max()) if width else 0.0

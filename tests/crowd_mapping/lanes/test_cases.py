@@ -28,7 +28,6 @@ CASES = Path(__file__).parent / "cases"
 CELL_M = 0.5
 FREE = 0.196  # default free_thresh of ROS map_server
 
-LEFT_UNSURE = "joined, part of the left lane is called closed though two of ten traces drive through it; cause not found"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,7 +137,7 @@ def test_traces_alone_beside_a_ramp_show_two_lanes_and_close_none(name: str) -> 
     assert precision_and_iou(name, joined=False)[0] >= 0.93
 
 
-@pytest.mark.parametrize("joined", [False, pytest.param(True, marks=pytest.mark.xfail(strict=True, reason=LEFT_UNSURE))])
+@pytest.mark.parametrize("joined", [False, True])
 def test_zone_that_is_announced_and_not_there_closes_nothing(joined: bool) -> None:
     case = mapped("announced_but_open", joined=joined)
     assert case.figures["open_lanes"] == 2

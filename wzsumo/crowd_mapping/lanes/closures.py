@@ -28,7 +28,8 @@ SEEMING_SHARE_OF_SLOW, SLOW_FACTOR = 0.5, 3.0
 QUEUED_SHARE = 0.25  # of traces that are slow at a place: more of them stand in a queue. Chosen by us
 MIN_SLOW_S = 20.0  # that such a vehicle loses; a fix that is a second or two late loses no more. Chosen by us
 # A closure is doubted where this many traces, and at most this share of them, seem to drive in it
-MIN_DOUBTFUL_USERS, MAX_DOUBTFUL_SHARE, DOUBT_ROUNDS = 0.5, 0.35, 3
+MIN_DOUBTFUL_USERS, MAX_DOUBTFUL_SHARE = 0.5, 0.35
+DOUBT_TURNS, DOUBT_ROUNDS = 4, 2  # of a fit with the lane closed and of where it is closed; of the fit within each turn
 MIN_DOUBTFUL_SIGMA_M = 0.8  # of the receivers of those users: better ones do not err by a lane. Chosen by us
 LEAST_LOG_ODDS = -15.0  # of a closure that is worth a further fit
 
@@ -65,33 +66,62 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
     """
     closures = []
     for lane in range(fit.setting.n_lanes):
-        evidence, closed_somewhere = _evidence(lane, fit, observations, prior)
-        log_odds = prior.log_odds(lane) + closed_somewhere
-        e, b = np.unravel_index(int(evidence.argmax()), evidence.shape)
-        seen = observations.eta[:, e : b + 1].max(axis=1) > 0
-        users = np.where(seen, lanes_driven(fit, observations)[:, e : b + 1, lane].max(axis=1), 0.0)
-        errs = float((users * fit.sigma).sum() / max(users.sum(), 1e-9)) > MIN_DOUBTFUL_SIGMA_M
-        if (
-            errs
-            and MIN_DOUBTFUL_USERS < users.sum() < MAX_DOUBTFUL_SHARE * seen.sum()
-            and log_odds > LEAST_LOG_ODDS - 3 * users.sum()
-        ):
-            setting = replace(fit.setting, closed=(*fit.setting.closed, (lane, int(e), int(b))))
-            closed = fit_lanes(
-                observations, setting, course=fit.course.offset, receivers=fit.receivers, shares=shares_after(fit.class_share),
-                rounds=DOUBT_ROUNDS,
-            )  # fmt: skip
-            ratio = (1 - SEEMING_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 0))
-            follows = ratio / (ratio + SEEMING_SHARE)
-            without_users = _evidence(lane, closed, observations, prior, witness=follows)
-            first = np.log(FIRST_SEEMING_FACTOR) * min(float((1 - follows).sum()), 1.0)
-            doubted = prior.log_odds(lane) + float(np.log(ratio + SEEMING_SHARE).sum()) + first + without_users[1]
-            if doubted > log_odds:
-                log_odds, evidence = doubted, without_users[0]
+        closure, log_odds = _as_seen(lane, fit, observations, prior)
+        good, _ = _evidence(lane, fit, observations, prior, witness=np.where(fit.sigma < MIN_DOUBTFUL_SIGMA_M, 1.0, 0.0))
+        if log_odds > LEAST_LOG_ODDS and _users_may_err(lane, good, fit, observations):
+            closed, doubted, doubted_log_odds = _doubted(lane, good, fit, observations, prior)
+            log_odds = max(log_odds, doubted_log_odds)
             if log_odds > 0:
-                fit = closed
-        closures.append(Closure(p_closed=float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50)))), interval=evidence))
+                fit, closure = closed, doubted
+        p_closed = float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50))))
+        closures.append(Closure(p_closed=p_closed, interval=closure))
     return fit, closures
+
+
+def _as_seen(lane: int, fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[FloatArray, float]:
+    """(posterior (stations, stations) of [e, b], log odds of closed) from the lanes that traces seem to drive in."""
+    interval, log_ratio = _evidence(lane, fit, observations, prior)
+    return interval, prior.log_odds(lane) + log_ratio
+
+
+def _users_may_err(lane: int, interval: FloatArray, fit: LaneFit, observations: Observations) -> bool:
+    """Whether some traces seem to drive in a likely closure, few of those that pass, and of receivers that err by a lane."""
+    e, b = _likeliest(interval)
+    seen = observations.eta[:, e : b + 1].max(axis=1) > 0
+    users = np.where(seen, lanes_driven(fit, observations)[:, e : b + 1, lane].max(axis=1), 0.0)
+    sigma = float((users * fit.sigma).sum() / max(users.sum(), 1e-9))
+    return sigma > MIN_DOUBTFUL_SIGMA_M and MIN_DOUBTFUL_USERS < users.sum() < MAX_DOUBTFUL_SHARE * seen.sum()
+
+
+def _doubted(
+    lane: int, interval: FloatArray, fit: LaneFit, observations: Observations, prior: ClosurePrior
+) -> tuple[LaneFit, FloatArray, float]:
+    """(fit, posterior of [e, b], log odds of closed) with the lane held to be closed, first where `interval` has it likeliest.
+
+    Fit and interval are found in turns: a trace that is held to drive in the lane hides the rest of a closure.
+    """
+    closed, tried = fit, []
+    for _ in range(DOUBT_TURNS):
+        at = _likeliest(interval)
+        setting = replace(fit.setting, closed=(*fit.setting.closed, (lane, *at)))
+        shares = shares_after(closed.class_share)
+        closed = fit_lanes(
+            observations, setting, course=closed.course.offset, receivers=fit.receivers, shares=shares, rounds=DOUBT_ROUNDS
+        )
+        ratio = (1 - SEEMING_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 0))
+        follows = ratio / (ratio + SEEMING_SHARE)
+        interval, log_ratio = _evidence(lane, closed, observations, prior, witness=follows)
+        first = np.log(FIRST_SEEMING_FACTOR) * min(float((1 - follows).sum()), 1.0)
+        log_odds = prior.log_odds(lane) + float(np.log(ratio + SEEMING_SHARE).sum()) + first + log_ratio
+        tried.append((closed, interval, log_odds))
+        if _likeliest(interval) == at:
+            break
+    return max(tried, key=lambda one: one[2])
+
+
+def _likeliest(interval: FloatArray) -> tuple[int, int]:
+    e, b = np.unravel_index(int(interval.argmax()), interval.shape)
+    return int(e), int(b)
 
 
 def _evidence(

@@ -9,23 +9,28 @@ from wzsumo.crowd_mapping.lanes.lane_chain import LaneChain, lane_chain
 from wzsumo.crowd_mapping.lanes.lane_smoothing import lane_shares, smooth_traces
 from wzsumo.crowd_mapping.lanes.observations import Observations
 from wzsumo.crowd_mapping.lanes.receivers import Receivers, first_shares, receivers_of, shares_after
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 
 ROUNDS = 8
 LEAST_GAIN = 0.5  # of the log posterior, from which on another round is worth it
-LEAST_CLASS_SHARE = 0.02
+LEAST_CLASS_SHARE = 0.02  # of a class that is smoothed
+LEAST_TRIED = 1e-4  # of a class that is tried again in the next round
 OFF_LANE_AT_START = 0.01  # share of traces that begin beside the lanes, as on a ramp
 IN_CLOSED_LANE = 0.05  # weight of being in a closed lane, at each station
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneSetting:
-    """What a fit takes as given: `n_lanes` lanes; `base` [m], the nominal offset of lane 0; the prior of the course."""
+    """What a fit takes as given: `n_lanes` lanes; `base` [m], the nominal offset of lane 0; the prior of the course.
+
+    `closed` are (lane, first, last station) that are held to be closed; without `off_lane` no vehicle is beside the lanes.
+    """
 
     n_lanes: int
     base: float
     prior: CoursePrior
-    closed: tuple[tuple[int, int, int], ...] = ()  # (lane, first, last station) that are taken to be closed
+    closed: tuple[tuple[int, int, int], ...] = ()
+    off_lane: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,20 +67,29 @@ def fit_lanes(
     receivers: Receivers | None = None,
     rounds: int = ROUNDS,
     shares: FloatArray | None = None,
+    roughly: bool = False,
 ) -> LaneFit:
-    """The fit that begins at a course (m,) [m], relative to `base`."""
+    """The fit that begins at a course (m,) [m], relative to `base`; of 0 rounds it has its likelihoods alone.
+
+    `roughly` is faster: see `smooth_traces`.
+    """
     chain = lane_chain(setting.n_lanes, spacing=observations.spacing)
     receivers = receivers or receivers_of(observations)
     shares = first_shares(receivers) if shares is None else shares
     lane_start = np.full(setting.n_lanes, 1 / setting.n_lanes)
     state = course_at_start(course, setting.prior)
-    fit = _expect(observations, setting, chain, state, receivers, shares, lane_start)
+    fit = _expect(
+        observations, setting, chain, state, receivers, shares, lane_start, roughly=roughly, likelihood_only=rounds == 0
+    )
     if rounds == 0:
         return fit
     for _ in range(rounds):
         shares, lane_start = shares_after(fit.class_share), _first_lane_shares(fit)
         state = _maximise(observations, setting, fit)
-        better = _expect(observations, setting, chain, state, receivers, shares, lane_start)
+        better = _expect(
+            observations, setting, chain, state, receivers, shares, lane_start, roughly=roughly,
+            tried=fit.class_share > LEAST_TRIED,
+        )  # fmt: skip
         gain = better.log_posterior - fit.log_posterior
         fit = better if gain > 0 else fit
         if gain < LEAST_GAIN:
@@ -93,17 +107,23 @@ def _expect(
     receivers: Receivers,
     shares: FloatArray,
     lane_start: FloatArray,
+    *,
+    roughly: bool,
+    likelihood_only: bool = False,
+    tried: BoolArray | None = None,
 ) -> LaneFit:
     start = np.full(len(chain.position), 1e-4)
     start[: setting.n_lanes] = lane_start
     start[chain.burst] = OFF_LANE_AT_START * lane_start
     start /= start.sum()
     allowed = np.ones((len(observations.stations), len(chain.position)))
+    allowed[:, chain.burst] = float(setting.off_lane)
     for lane, first, last in setting.closed:
         allowed[first : last + 1, (np.rint(chain.position) == lane) & ~chain.burst] = IN_CLOSED_LANE
     smoothed = smooth_traces(
         observations, chain, receivers, level=setting.base + course.offset, width=course.width, allowed=allowed, start=start,
-        class_shares=shares, least_share=LEAST_CLASS_SHARE,
+        class_shares=shares, least_share=2.0 if likelihood_only else LEAST_CLASS_SHARE, tried=tried,
+        roughly=roughly,
     )  # fmt: skip
     state_share = smoothed.state_share
     return LaneFit(

@@ -1,6 +1,7 @@
 """The fit of traces alone: how many lanes they drove in, and where these lie."""
 
-from itertools import pairwise
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -8,7 +9,6 @@ from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
 from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
-from wzsumo.crowd_mapping.lanes.witnesses import misplaced_share
 from wzsumo.frames import FloatArray
 
 MAX_LANES = 6
@@ -17,58 +17,74 @@ MIN_USERS = 1.5  # of an outer lane: one trace adds no lane
 LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3
 LOG_PRIOR_PER_LANE = -3.0  # a lane must be worth some two good witnesses. Chosen by us
-MISPLACED_GAIN = 1.5  # nats: measured on crowds of mixed receivers of our generator, where lanes too many gain 1 a trace
+ODD_SHARE = 0.02  # of traces that say nothing of the number of lanes: so none says more than 4 nats. Chosen by us
 HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is made
 
 
-def fit_lane_count(observations: Observations) -> LaneFit:
-    """The likeliest fit over the numbers of lanes.
+def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> LaneFit:
+    """The likeliest fit over the numbers of lanes; without `off_lane` no vehicle is beside them."""
+    fits = _rival_fits(observations, off_lane=off_lane)
+    return fits[int(np.argmax(scores(fits)))]
 
-    Each further lane must be worth LOG_PRIOR_PER_LANE, and more where receivers are poor: a trace that is misplaced by half a
-    lane with one lane fewer gains some MISPLACED_GAIN from a lane of its own, though there is none.
+
+def scores(fits: list[LaneFit]) -> FloatArray:
+    """Log posteriors (fits,) of fits to the same traces, with the prior of the number of lanes.
+
+    Any trace may be of a vehicle that the model does not know, with probability ODD_SHARE, and is then as likely in each fit:
+    so one trace says no more for or against a lane than -log(ODD_SHARE). A fit whose outer lanes lack users is out of the
+    question.
     """
-    fits = sorted(_rival_fits(observations), key=lambda fit: fit.setting.n_lanes)
-    best, best_score, price = fits[0], score(fits[0]), 0.0
-    for fewer, fit in pairwise(fits):
-        price += MISPLACED_GAIN * 2 * misplaced_share(fewer) * len(observations.ids)
-        if score(fit) - price > best_score:
-            best, best_score = fit, score(fit) - price
-    return best
+    log_likelihood = np.stack([fit.log_likelihood for fit in fits])
+    known = np.logaddexp(np.log(1 - ODD_SHARE) + log_likelihood, np.log(ODD_SHARE) + log_likelihood.max(axis=0))
+    prior = [fit.course.log_prior + LOG_PRIOR_PER_LANE * fit.setting.n_lanes for fit in fits]
+    return np.asarray(known.sum(axis=1) + prior - [1e6 * _outer_lanes_without_users(fit) for fit in fits])
 
 
-def score(fit: LaneFit) -> float:
-    """Log posterior with the prior of the number of lanes; a fit whose outer lanes lack users is out of the question."""
+def _outer_lanes_without_users(fit: LaneFit) -> int:
+    if fit.setting.n_lanes == 1:
+        return 0
     users = fit.in_lane.max(axis=1).sum(axis=0)
     least = min(MIN_USERS, 0.5 * len(fit.in_lane))
-    lacking = int(users[0] < least) + int(users[-1] < least) if fit.setting.n_lanes > 1 else 0
-    return float(fit.log_posterior + LOG_PRIOR_PER_LANE * fit.setting.n_lanes - 1e6 * lacking)
+    return int(users[0] < least) + int(users[-1] < least)
 
 
-def _rival_fits(observations: Observations) -> list[LaneFit]:
+def _rival_fits(observations: Observations, *, off_lane: bool = True) -> list[LaneFit]:
     """Fits to all traces, with the numbers of lanes that some traces make likely."""
     scouts = scouts_of(observations)
-    receivers = receivers_of(scouts, sigmas=SCOUT_SIGMAS_M, times=SCOUT_TIMES_S)
+    tried = _scouted(scouts, off_lane=off_lane)
+    score = scores(tried)
     everyone = receivers_of(observations)
-    relative = cumulated_course(observations)
-    best: dict[int, tuple[float, LaneFit]] = {}
+    return [
+        fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone)
+        for fit, one in zip(tried, score, strict=True)
+        if one > score.max() - RIVAL
+    ]
+
+
+def _scouted(scouts: Observations, *, off_lane: bool) -> list[LaneFit]:
+    """The likeliest fit to some traces for each number of lanes, as far as more lanes may help."""
+    receivers = receivers_of(scouts, sigmas=SCOUT_SIGMAS_M, times=SCOUT_TIMES_S)
+    best: dict[int, LaneFit] = {}
+
+    def fitted(n_lanes: int, starts: list[FloatArray]) -> None:
+        setting = replace(_setting(n_lanes, scouts), off_lane=off_lane)
+        fit_roughly = partial(fit_lanes, scouts, setting, receivers=receivers, roughly=True)
+        tried = [fit_roughly(course=start, rounds=0).log_posterior for start in starts]
+        fit = fit_roughly(course=starts[int(np.argmax(tried))], rounds=SCOUT_ROUNDS)
+        if n_lanes not in best or fit.log_posterior > best[n_lanes].log_posterior:
+            best[n_lanes] = fit
+
+    relative = cumulated_course(scouts)
     for base in (np.zeros_like(relative), relative):
         levels = _levels(scouts, base)
         for n_lanes in range(1, MAX_LANES + 1):
-            setting = _setting(n_lanes, observations)
-            tried = [
-                (fit_lanes(scouts, setting, course=base + c, receivers=receivers, rounds=0).log_posterior, base + c)
-                for c in _candidate_centres(levels, n_lanes)
-            ]
-            fit = fit_lanes(
-                scouts, setting, course=max(tried, key=lambda pair: pair[0])[1], receivers=receivers, rounds=SCOUT_ROUNDS
-            )
-            if n_lanes not in best or fit.log_posterior > best[n_lanes][0]:
-                best[n_lanes] = (fit.log_posterior, fit)
-            if score(fit) < max(score(one) for _, one in best.values()) - HOPELESS:
+            fitted(n_lanes, [base + centre for centre in _candidate_centres(levels, n_lanes)])
+            if best[n_lanes].log_posterior < max(fit.log_posterior for fit in best.values()) - HOPELESS:
                 break
-    likeliest = max(score(fit) for _, fit in best.values())
-    starts = [fit for _, fit in best.values() if score(fit) > likeliest - RIVAL]
-    return [fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone) for fit in starts]
+    for n_lanes in range(max(best), 1, -1):  # without one of the outer lanes
+        more = best[n_lanes].course
+        fitted(n_lanes - 1, [more.offset, more.offset + more.width])
+    return list(best.values())
 
 
 def _setting(n_lanes: int, observations: Observations) -> LaneSetting:

@@ -9,7 +9,7 @@ import pandas as pd
 from wzsumo.crowd_mapping.cleaning.station_table import percentile_85_speed
 from wzsumo.crowd_mapping.lanes.branches import find_branches
 from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closures, p_open_strips, slow_stretches
-from wzsumo.crowd_mapping.lanes.doubts import said_of_lanes, said_of_shift, said_of_traces
+from wzsumo.crowd_mapping.lanes.doubts import LEAST_EXPLAINED, said_of_explained, said_of_lanes, said_of_shift, said_of_traces
 from wzsumo.crowd_mapping.lanes.fit import LaneFit
 from wzsumo.crowd_mapping.lanes.lane_count import fit_lane_count
 from wzsumo.crowd_mapping.lanes.observations import Observations, observe
@@ -42,7 +42,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
     """
     axis = before.road if before else reference_line_from_traces(traces)
     observations = observe(traces, axis)
-    fit = fit_to_road(observations, before) if before else fit_lane_count(observations)
+    fit, explained = _fit(observations, before)
     prior = _closure_prior(traces, before, width=fit.course.width)
     fit, closures = fit_closures(fit, observations, prior)
     slow = slow_stretches(observations)
@@ -55,6 +55,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
     warnings = (
         *(said_of_shift(fit.course, has_road=before is not None, removed=removed)),
         *overruled,
+        *said_of_explained(explained),
         *said_of_lanes(lanes, fit, observations, branches=branches),
         *odd_words,
     )
@@ -78,6 +79,20 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
         "warnings": list(warnings),
     }
     return MappedLanes(lanes=lane_map, figures=figures)
+
+
+def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit, float]:
+    """(fit, share of the drives that the lanes explained).
+
+    Where lanes explain too little, as of one vehicle on a winding street, all drives are held to be in lanes: these then lie
+    where vehicles drove.
+    """
+    fit = fit_to_road(observations, before) if before else fit_lane_count(observations)
+    driven = observations.eta > 0
+    explained = float(((1 - fit.burst) * (1 - fit.stray)[:, None])[driven].mean()) if driven.any() else 0.0
+    if explained < LEAST_EXPLAINED:
+        fit = fit_to_road(observations, before, off_lane=False) if before else fit_lane_count(observations, off_lane=False)
+    return fit, explained
 
 
 def _closure_prior(traces: pd.DataFrame, before: MapBefore | None, *, width: float) -> ClosurePrior:

@@ -11,7 +11,7 @@ SIGMAS_M = (0.3, 0.6, 1.0, 1.7, 2.8, 4.5)  # a driver's habit alone; RTK or map-
 TIMES_S = (30.0, 100.0, 300.0)  # over which the error of positions is correlated: multipath; ionosphere and clocks
 STRAY_SIGMA_M, STRAY_TIME_S = 8.0, 200.0  # a vehicle that keeps to no lane: anywhere on the road
 STRAY_SHARE = 0.02
-PSEUDOCOUNT = 1.0  # of each class
+PSEUDOCOUNT = 5.0  # of each class
 SCOUTS = 20  # traces on which a fit is tried
 SCOUT_SIGMAS_M, SCOUT_TIMES_S = (0.4, 1.0, 2.0, 4.0), (60.0,)
 

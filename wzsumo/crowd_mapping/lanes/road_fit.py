@@ -1,5 +1,6 @@
 """The fit of traces to a known road: its lanes bind, but for one shift of all positions and for lanes that the work moved."""
 
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -19,7 +20,7 @@ SHIFTS_M = np.arange(-7.0, 7.1, 1.0)  # of all positions, from which a fit is tr
 RIVAL = 30.0  # nats behind the likeliest start, within which the road as it was is tried too
 
 
-def fit_to_road(observations: Observations, before: MapBefore) -> LaneFit:
+def fit_to_road(observations: Observations, before: MapBefore, *, off_lane: bool = True) -> LaneFit:
     """The likeliest of fits that begin with the road's course or with a common movement of the traces, each at some shift."""
     setting = LaneSetting(
         n_lanes=before.road.own_lanes,
@@ -28,12 +29,14 @@ def fit_to_road(observations: Observations, before: MapBefore) -> LaneFit:
             known=_known(observations.stations, before), width=before.lane_width, width_sd=STRIPED_WIDTH_SD_M,
             spacing=observations.spacing,
         ),
+        off_lane=off_lane,
     )  # fmt: skip
     scouts = scouts_of(observations)
     scout_receivers = receivers_of(scouts, sigmas=SCOUT_SIGMAS_M, times=SCOUT_TIMES_S)
     courses = [np.zeros(len(observations.stations)), cumulated_course(observations)]
     starts = [course + shift for course, shift in product(courses, SHIFTS_M)]
-    tried = [fit_lanes(scouts, setting, course=start, receivers=scout_receivers, rounds=0).log_posterior for start in starts]
+    scouted = partial(fit_lanes, scouts, setting, receivers=scout_receivers, rounds=0, roughly=True)
+    tried = [scouted(course=start).log_posterior for start in starts]
     likeliest, unmoved = int(np.argmax(tried)), len(SHIFTS_M) // 2
     chosen = {likeliest, unmoved} if tried[unmoved] > tried[likeliest] - RIVAL else {likeliest}
     receivers = receivers_of(observations)
