@@ -10,7 +10,7 @@ from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 
 TRACE_COLUMNS = ("vehicle_id", "time_s", "x_m", "y_m")  # needed for a map
-TRACE_OPTIONAL_COLUMNS = ("heading_rad", "speed_mps", "length_m", "width_m")
+TRACE_OPTIONAL_COLUMNS = ("heading_rad", "speed_mps", "length_m", "width_m", "position_sd_m")
 EGO_LOG_COLUMNS = (
     "time_s", "x_m", "y_m", "heading_rad", "speed_mps",  # rear axle
     "steering_rad", "throttle", "brake", "cross_track_m", "s_m",

@@ -78,10 +78,11 @@ def _finite_rows(table: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, Dro
     finite = np.isfinite(numbers[[*TRACE_COLUMNS[1:]]].to_numpy()).all(axis=1)
     if 2 * (named & finite).sum() <= len(table):
         check_traces(table[[*TRACE_COLUMNS]], source=source)  # raises, and names the first value that is none
-    if "width_m" in table:
-        numbers["width_m"] = pd.to_numeric(table["width_m"], errors="coerce").astype(float)
-        numbers["width_m"] = numbers["width_m"].fillna(numbers["width_m"].median())
-        numbers = numbers if np.isfinite(numbers["width_m"]).all() else numbers.drop(columns="width_m")
+    for name in (name for name in ("width_m", "position_sd_m") if name in table):
+        values = pd.to_numeric(table[name], errors="coerce").astype(float)
+        values = values.where(np.isfinite(values) & (values >= 0))
+        if values.notna().any():
+            numbers[name] = values.fillna(values.median())
     numbers["vehicle_id"] = numbers["vehicle_id"].astype(str).where(named, "(none)")
     dropped = _dropped(numbers["vehicle_id"][named & ~finite], "time_s, x_m or y_m is no finite number")
     dropped += _dropped(numbers["vehicle_id"][~named], "vehicle_id is empty")

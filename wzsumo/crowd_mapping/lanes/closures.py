@@ -78,6 +78,16 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
     return fit, closures
 
 
+def log_closing(fit: LaneFit, observations: Observations) -> float:
+    """Log of how much likelier traces are where each lane may be closed somewhere, nothing being announced.
+
+    A chain of lanes prices each vehicle that leaves a closed lane as a lane change of its own.
+    """
+    nothing = ClosurePrior(announced=None, taper_m=0.0, shoulders=(0.0, 0.0))
+    ratios = np.array([_evidence(lane, fit, observations, nothing)[1] for lane in range(fit.setting.n_lanes)])
+    return float(np.logaddexp(np.log(1 - P_CLOSED), np.log(P_CLOSED) + ratios).sum())
+
+
 def _as_seen(lane: int, fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[FloatArray, float]:
     """(posterior (stations, stations) of [e, b], log odds of closed) from the lanes that traces seem to drive in."""
     interval, log_ratio = _evidence(lane, fit, observations, prior)

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from wzsumo.crowd_mapping.lanes.closures import log_closing
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
@@ -17,14 +18,15 @@ MIN_USERS = 1.5  # of an outer lane: one trace adds no lane
 LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3
 LOG_PRIOR_PER_LANE = -3.0  # a lane must be worth some two good witnesses. Chosen by us
-ODD_SHARE = 0.02  # of traces that say nothing of the number of lanes: so none says more than 4 nats. Chosen by us
+ODD_SHARE = 0.002  # of traces that say nothing of the number of lanes: so none says more than 6 nats. Chosen by us
 HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is made
 
 
 def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> LaneFit:
     """The likeliest fit over the numbers of lanes; without `off_lane` no vehicle is beside them."""
     fits = _rival_fits(observations, off_lane=off_lane)
-    return fits[int(np.argmax(scores(fits)))]
+    closing = np.array([log_closing(fit, observations) for fit in fits])
+    return fits[int(np.argmax(scores(fits) + closing))]
 
 
 def scores(fits: list[LaneFit]) -> FloatArray:

@@ -179,7 +179,7 @@ def _smooth(  # noqa: C901 - filters forwards and backwards, and joins them
                 low, high = min(low, t), max(high, t + 1)
         if low >= high:
             log_likelihood[i] = 0.0
-            class_share[i] = np.exp(log_shares)
+            class_share[i] = np.exp(log_shares[i])
             continue
         size = high - low
         yy, ee, rr, aa, ll = y[i, low:high], eta[i, low:high], r[i, low:high], allowed[low:high], level[low:high]
@@ -187,14 +187,14 @@ def _smooth(  # noqa: C901 - filters forwards and backwards, and joins them
         best = -np.inf
         for c in range(n_classes):
             class_share[i, c] = -np.inf
-            if log_shares[c] > -30 and tried[i, c]:
+            if log_shares[i, c] > -30 and tried[i, c]:
                 for o in range(n_parts):
                     by_part[o] = _filter(
                         yy, ee, rr, off_lane[:size], aa, ll, width, position, burst, first, source, probability, begins[o],
                         rho[i, c], sigma[c] ** 2, False, w[o, :size], m[o, :size], v[o, :size], scale[o, :size],
                     )  # fmt: skip
                 most = by_part.max()
-                class_share[i, c] = log_shares[c] + most + np.log(np.exp(by_part - most).sum())
+                class_share[i, c] = log_shares[i, c] + most + np.log(np.exp(by_part - most).sum())
             best = max(best, class_share[i, c])
         for c in range(n_classes):
             class_share[i, c] = np.exp(class_share[i, c] - best)
@@ -281,7 +281,7 @@ def smooth_traces(
     _smooth(
         observations.offset, observations.eta, observations.variance, observations.spacing, allowed, level, width,
         chain.position, chain.burst, chain.first, chain.source, chain.probability, chain.back_first, chain.back_source,
-        chain.back_probability, chain.stationary, receivers.rho, receivers.sigma, np.log(class_shares),
+        chain.back_probability, chain.stationary, receivers.rho, receivers.sigma, receivers.log_shares(class_shares),
         np.ones(smoothed.class_share.shape, dtype=bool) if tried is None else tried, least_share,
         parts * start, parts * chain.stationary,
         smoothed.state_share, smoothed.class_share, smoothed.log_likelihood,

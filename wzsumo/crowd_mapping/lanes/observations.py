@@ -33,6 +33,7 @@ class Observations:
     variance: FloatArray
     speed: FloatArray
     slowness: FloatArray  # (traces, stations) [s/m] time spent per metre around each station
+    stated_sd: FloatArray  # (traces,) [m] of positions, as receivers state it; NaN where they do not
     ids: tuple[str, ...]
 
     @property
@@ -58,8 +59,16 @@ def observe(traces: pd.DataFrame, axis: Road) -> Observations:
     variance = np.repeat(WANDER_SD_M**2 + white[:, None] ** 2, shape[1], axis=1)
     return Observations(
         axis=axis, stations=stations, offset=offset, eta=eta, variance=variance, speed=speed, slowness=slowness,
+        stated_sd=_stated_sd(traces, code, len(ids)),
         ids=tuple(str(name) for name in ids),
     )  # fmt: skip
+
+
+def _stated_sd(traces: pd.DataFrame, code: IntArray, n: int) -> FloatArray:
+    """Median (n,) [m] of what each receiver states of its error."""
+    if "position_sd_m" not in traces:
+        return np.full(n, np.nan)
+    return traces["position_sd_m"].groupby(code).median().reindex(range(n)).to_numpy(dtype=float)
 
 
 @numba.njit(cache=True, nogil=True)

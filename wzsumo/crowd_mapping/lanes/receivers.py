@@ -11,22 +11,38 @@ SIGMAS_M = (0.3, 0.6, 1.0, 1.7, 2.8, 4.5)  # a driver's habit alone; RTK or map-
 TIMES_S = (30.0, 100.0, 300.0)  # over which the error of positions is correlated: multipath; ionosphere and clocks
 STRAY_SIGMA_M, STRAY_TIME_S = 8.0, 200.0  # a vehicle that keeps to no lane: anywhere on the road
 STRAY_SHARE = 0.02
-PSEUDOCOUNT = 5.0  # of each class
+PSEUDOCOUNT = 5.0  # traces' worth of equal shares: a crowd of good receivers so far may have a poor one yet
+STATED_FACTOR = 2.0  # by which a receiver misjudges its own error: studies of phones and fleets: 1 to 3
 SCOUTS = 20  # traces on which a fit is tried
 SCOUT_SIGMAS_M, SCOUT_TIMES_S = (0.4, 1.0, 2.0, 4.0), (60.0,)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Receivers:
-    """`sigma` (classes,) [m], and the correlation `rho` (traces, classes) between stations; the last class is the stray."""
+    """`sigma` (classes,) [m], and the correlation `rho` (traces, classes) between stations; the last class is the stray.
+
+    `stated` (traces,) [m] is the error that a trace's receiver states of itself, NaN where it states none.
+    """
 
     sigma: FloatArray
     rho: FloatArray
+    stated: FloatArray
 
     @property
     def stray(self) -> int:
         """Number of the stray class."""
         return len(self.sigma) - 1
+
+    def log_shares(self, shares: FloatArray) -> FloatArray:
+        """Log of the shares (traces, classes) of the classes for each trace, given those of the crowd (classes,).
+
+        What a receiver states of its error is right but for a factor, STATED_FACTOR or its inverse being one sd.
+        """
+        known = np.isfinite(self.stated)
+        gap = np.log(self.sigma[:-1]) - np.log(np.maximum(np.where(known, self.stated, 1.0), self.sigma[0]))[:, None]
+        log = np.tile(np.log(shares), (len(self.stated), 1))
+        log[known, :-1] -= 0.5 * (gap[known] / np.log(STATED_FACTOR)) ** 2
+        return np.asarray(log - np.logaddexp.reduce(log, axis=1, keepdims=True))
 
 
 def receivers_of(
@@ -36,7 +52,7 @@ def receivers_of(
     pairs = [(sigma, time) for sigma in sigmas for time in times] + [(STRAY_SIGMA_M, STRAY_TIME_S)]
     sigma, time = np.array(pairs).T
     rho = np.exp(-observations.spacing / (np.maximum(observations.speed, 3.0)[:, None] * time))
-    return Receivers(sigma=sigma, rho=rho)
+    return Receivers(sigma=sigma, rho=rho, stated=observations.stated_sd)
 
 
 def first_shares(receivers: Receivers) -> FloatArray:
@@ -66,6 +82,7 @@ def scouts_of(observations: Observations) -> Observations:
         eta=observations.eta[chosen],
         variance=observations.variance[chosen],
         speed=observations.speed[chosen],
+        stated_sd=observations.stated_sd[chosen],
         slowness=observations.slowness[chosen],
         ids=tuple(observations.ids[i] for i in chosen),
     )
