@@ -25,7 +25,7 @@ def seen(
         offset=np.asarray(offset, dtype=float),
         eta=np.broadcast_to(np.asarray(eta, dtype=float), (n, m)).copy(), variance=np.full((n, m), variance),
         speed=np.full(n, 20.0), slowness=np.broadcast_to(np.asarray(slowness, dtype=float), (n, m)).copy(),
-        ids=tuple(f"v{i}" for i in range(n)),
+        stated_sd=np.full(n, np.nan), ids=tuple(f"v{i}" for i in range(n)),
     )  # fmt: skip
 
 
@@ -48,7 +48,8 @@ def fit_of(
         setting=LaneSetting(n_lanes=n_lanes, base=0.0, prior=prior), course=course, in_lane=in_lane,
         position=np.stack([middle, middle**2], axis=-1), burst=np.zeros((n, m)) if burst is None else burst,
         class_share=classes,
-        receivers=Receivers(sigma=np.r_[sigmas, 8.0], rho=np.full((n, len(sigmas) + 1), 0.9)), log_likelihood=np.zeros(n),
+        receivers=Receivers(sigma=np.r_[sigmas, 8.0], rho=np.full((n, len(sigmas) + 1), 0.9), stated=np.full(n, np.nan)),
+        changes=np.zeros((n_lanes - 1, 2)), log_likelihood=np.zeros(n),
         log_posterior=0.0,
     )  # fmt: skip
 

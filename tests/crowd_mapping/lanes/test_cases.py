@@ -29,7 +29,6 @@ CELL_M = 0.5
 FREE = 0.196  # default free_thresh of ROS map_server
 
 
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mapped:
     """What was used of a case, and the map."""

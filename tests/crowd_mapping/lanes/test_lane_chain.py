@@ -56,3 +56,24 @@ def test_vehicles_change_lanes_once_in_3_km_to_each_side(spacing: float) -> None
     middle = 1
     to_the_left = sum(forward[middle, j] for j in range(len(forward)) if 1 < chain.position[j] <= 2 and not chain.burst[j])
     assert to_the_left / spacing == pytest.approx(1 / 3000, rel=1e-6)
+
+
+def test_rates_of_lane_changes_are_those_given_for_each_lane_and_side() -> None:
+    rates = np.array([[1e-3, 2e-3], [3e-3, 4e-3]])
+    chain = lane_chain(3, spacing=10.0, changes_per_m=rates)
+    matrix = matrix_of(chain.first, chain.source, chain.probability)
+    for lane in range(2):
+        for side, start in enumerate((lane, lane + 1)):
+            state = chain.begun[lane, side]
+            assert matrix[start, state] == pytest.approx(10.0 * rates[lane, side])
+            assert chain.position[state] == pytest.approx(start + (1 - 2 * side) / 3)
+
+
+@pytest.mark.parametrize("spacing", [10.0, 20.0, 40.0])
+def test_visits_of_a_change_are_those_of_the_chain(spacing: float) -> None:
+    """Expected stations in a change's first third, for each change that begins: quick ones pass between two stations."""
+    chain = lane_chain(2, spacing=spacing)
+    matrix = matrix_of(chain.first, chain.source, chain.probability)
+    slow, quick = matrix[0, chain.begun[0, 0]], matrix[0, 1]
+    stay = matrix[chain.begun[0, 0], chain.begun[0, 0]]
+    assert chain.visits == pytest.approx(slow / (slow + quick) / (1 - stay))

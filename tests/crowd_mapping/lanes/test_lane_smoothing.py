@@ -15,6 +15,7 @@ from wzsumo.frames import FloatArray
 
 WIDTH = 3.6
 N_GRID = 121
+UNSTATED = np.full(1, np.nan)
 
 
 CHANGE_AMONG_DRIFT = "at an error of a third of a lane the share is off by .73 at the station of a lane change"
@@ -100,8 +101,8 @@ def test_shares_of_lanes_and_likelihood_are_those_of_the_exact_twin(
         allowed = np.ones((m, len(chain.position)))
         shares, log_likelihood = exact(observations, chain, sigma=sigma, rho=rho, allowed=allowed, start=start)
         smoothed = smooth_traces(
-            observations, chain, Receivers(sigma=np.array([sigma, 8.0]), rho=np.array([[rho, 0.99]])), level=np.zeros(m),
-            width=WIDTH, allowed=allowed, start=start, class_shares=np.array([1.0, 1e-20]), least_share=0.02,
+            observations, chain, Receivers(sigma=np.array([sigma, 8.0]), rho=np.array([[rho, 0.99]]), stated=UNSTATED),
+            level=np.zeros(m), width=WIDTH, allowed=allowed, start=start, class_shares=np.array([1.0, 1e-20]), least_share=0.02,
         )  # fmt: skip
         assert smoothed.log_likelihood[0] == pytest.approx(log_likelihood, abs=0.3)
         lanes = [lane_shares(share[None], chain.position, chain.burst, 2)[0] for share in (smoothed.state_share[0], shares)]
@@ -112,10 +113,10 @@ def test_shares_of_lanes_and_likelihood_are_those_of_the_exact_twin(
 
 
 def test_lane_that_is_not_allowed_is_not_driven() -> None:
-    """Within .15 of the twin: moments forget the less likely lane, which an error that lasts leaves at .13."""
+    """Within .05 of the twin, though the error lasts: filters that begin in different lanes are not mixed by moments."""
     chain, rho, sigma = lane_chain(2, spacing=20.0), 0.95, 1.5
     observations = seen(np.full((1, 20), 2.6), eta=1 / 3)  # nearer to lane 1 at 3.6 m than to lane 0
-    receivers = Receivers(sigma=np.array([sigma, 8.0]), rho=np.array([[rho, 0.99]]))
+    receivers = Receivers(sigma=np.array([sigma, 8.0]), rho=np.array([[rho, 0.99]]), stated=UNSTATED)
     allowed = np.ones((20, len(chain.position)))
     shares = []
     for factor in (1.0, 0.01):
@@ -126,7 +127,7 @@ def test_lane_that_is_not_allowed_is_not_driven() -> None:
         )  # fmt: skip
         shares.append(lane_shares(smoothed.state_share, chain.position, chain.burst, 2)[0, :, 1].mean())
         twin, _ = exact(observations, chain, sigma=sigma, rho=rho, allowed=allowed, start=start_of(chain))
-        assert shares[-1] == pytest.approx(lane_shares(twin[None], chain.position, chain.burst, 2)[0, :, 1].mean(), abs=0.15)
+        assert shares[-1] == pytest.approx(lane_shares(twin[None], chain.position, chain.burst, 2)[0, :, 1].mean(), abs=0.05)
     assert shares[0] > 0.6
     assert shares[1] < 0.05
 
@@ -143,8 +144,9 @@ def test_classes_of_receivers_have_the_shares_of_bayes_rule() -> None:
     ]
     log_joint = np.log(prior) + twin
     smoothed = smooth_traces(
-        observations, chain, Receivers(sigma=np.r_[sigmas, 8.0], rho=np.array([[*rhos, 0.99]])), level=np.zeros(25),
-        width=WIDTH, allowed=allowed, start=start_of(chain), class_shares=np.r_[prior, 1e-20], least_share=0.0,
+        observations, chain, Receivers(sigma=np.r_[sigmas, 8.0], rho=np.array([[*rhos, 0.99]]), stated=UNSTATED),
+        level=np.zeros(25), width=WIDTH, allowed=allowed, start=start_of(chain), class_shares=np.r_[prior, 1e-20],
+        least_share=0.0,
     )  # fmt: skip
     assert smoothed.class_share[0, :2] == pytest.approx(np.exp(log_joint - logsumexp(log_joint)), abs=0.06)
     assert smoothed.log_likelihood[0] == pytest.approx(logsumexp(log_joint), abs=0.5)
@@ -152,10 +154,10 @@ def test_classes_of_receivers_have_the_shares_of_bayes_rule() -> None:
 
 def test_trace_without_a_fix_says_nothing() -> None:
     chain = lane_chain(2, spacing=20.0)
+    receivers = Receivers(sigma=np.array([0.5, 8.0]), rho=np.array([[0.9, 0.99]]), stated=UNSTATED)
     smoothed = smooth_traces(
-        seen(np.zeros((1, 12)), eta=0.0), chain, Receivers(sigma=np.array([0.5, 8.0]), rho=np.array([[0.9, 0.99]])),
-        level=np.zeros(12), width=WIDTH, allowed=np.ones((12, len(chain.position))), start=start_of(chain),
-        class_shares=np.array([0.9, 0.1]), least_share=0.02,
+        seen(np.zeros((1, 12)), eta=0.0), chain, receivers, level=np.zeros(12), width=WIDTH,
+        allowed=np.ones((12, len(chain.position))), start=start_of(chain), class_shares=np.array([0.9, 0.1]), least_share=0.02,
     )  # fmt: skip
     assert smoothed.log_likelihood[0] == 0
     assert smoothed.class_share[0] == pytest.approx([0.9, 0.1])

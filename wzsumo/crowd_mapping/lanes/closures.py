@@ -13,10 +13,9 @@ from wzsumo.crowd_mapping.lanes.closure_evidence import (
     interval_evidence,
     interval_prior,
 )
-from wzsumo.crowd_mapping.lanes.fit import LaneFit, fit_lanes
+from wzsumo.crowd_mapping.lanes.fit import LaneFit, crowd_of, fit_lanes
 from wzsumo.crowd_mapping.lanes.lane_chain import LANE_CHANGES_PER_M
 from wzsumo.crowd_mapping.lanes.observations import Observations
-from wzsumo.crowd_mapping.lanes.receivers import shares_after
 from wzsumo.crowd_mapping.lanes.witnesses import lanes_driven
 from wzsumo.frames import BoolArray, FloatArray
 
@@ -114,9 +113,13 @@ def _doubted(
     for _ in range(DOUBT_TURNS):
         at = _likeliest(interval)
         setting = replace(fit.setting, closed=(*fit.setting.closed, (lane, *at)))
-        shares = shares_after(closed.class_share)
         closed = fit_lanes(
-            observations, setting, course=closed.course.offset, receivers=fit.receivers, shares=shares, rounds=DOUBT_ROUNDS
+            observations,
+            setting,
+            course=closed.course.offset,
+            receivers=fit.receivers,
+            rounds=DOUBT_ROUNDS,
+            crowd=crowd_of(closed, observations),
         )
         ratio = (1 - SEEMING_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 0))
         follows = ratio / (ratio + SEEMING_SHARE)

@@ -15,7 +15,6 @@ UNSURE_SHIFT_SD_M = 0.8  # beyond, nothing tells a common error from a move of t
 POOR_RECEIVERS_M = 1.2  # median error, beyond which a map of few traces is uncertain
 MIN_OFF_LANE_M = 100.0  # beside the lanes, from which on a trace is named
 MAX_NAMED = 5
-LEAST_EXPLAINED = 0.5  # share of the drives that lanes have to explain; else they are laid where vehicles drove
 
 
 def said_of_shift(course: Course, *, has_road: bool, removed: float) -> list[str]:
@@ -38,8 +37,6 @@ def said_of_shift(course: Course, *, has_road: bool, removed: float) -> list[str
 
 def said_of_explained(explained: float) -> list[str]:
     """What is said where lanes, with vehicles that may be beside them, explain too little of what was driven."""
-    if explained >= LEAST_EXPLAINED:
-        return []
     return [
         f"lanes explain {explained:.0%} of what was driven: they are laid where vehicles drove, and whether some of these "
         "drove beside them cannot be told"

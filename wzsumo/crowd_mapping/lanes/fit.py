@@ -1,11 +1,12 @@
 """Fits of the model of lanes: expectation-maximisation over lanes driven, receivers and course."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from wzsumo.crowd_mapping.lanes.course import Course, CoursePrior, course_at_start, fit_course
-from wzsumo.crowd_mapping.lanes.lane_chain import LaneChain, lane_chain
+from wzsumo.crowd_mapping.lanes.lane_chain import LANE_CHANGES_PER_M, lane_chain
 from wzsumo.crowd_mapping.lanes.lane_smoothing import lane_shares, smooth_traces
 from wzsumo.crowd_mapping.lanes.observations import Observations
 from wzsumo.crowd_mapping.lanes.receivers import Receivers, first_shares, receivers_of, shares_after
@@ -34,6 +35,27 @@ class LaneSetting:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Crowd:
+    """What traces have in common: shares of the classes of `receivers`, of the `first_lanes`, and rates of lane changes.
+
+    `changes_per_m` (lanes - 1, 2) [1/m] are those from lane k to k + 1 and back.
+    """
+
+    receivers: FloatArray
+    first_lanes: FloatArray
+    changes_per_m: FloatArray
+
+    @property
+    def log_prior(self) -> float:
+        """Log prior density of the rates, each exponential with a mean of LANE_CHANGES_PER_M.
+
+        A rate that was never seen so costs the logarithm of what was driven, not every vehicle its keeping to its lane.
+        """
+        relative = self.changes_per_m / LANE_CHANGES_PER_M
+        return float((np.log(relative) - relative + 1).sum())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LaneFit:
     """What traces say, for one setting: course, shares of lanes (traces, stations, lanes), bursts (traces, stations) ..."""
 
@@ -43,6 +65,7 @@ class LaneFit:
     position: FloatArray
     burst: FloatArray
     class_share: FloatArray
+    changes: FloatArray  # (lanes - 1, 2) expected lane changes, from lane k to k + 1 and back
     receivers: Receivers
     log_likelihood: FloatArray
     log_posterior: float
@@ -66,30 +89,20 @@ def fit_lanes(
     course: FloatArray,
     receivers: Receivers | None = None,
     rounds: int = ROUNDS,
-    shares: FloatArray | None = None,
+    crowd: Crowd | None = None,
     roughly: bool = False,
 ) -> LaneFit:
     """The fit that begins at a course (m,) [m], relative to `base`; of 0 rounds it has its likelihoods alone.
 
-    `roughly` is faster: see `smooth_traces`.
+    `crowd` is what is known of it beforehand. `roughly` is faster: see `smooth_traces`.
     """
-    chain = lane_chain(setting.n_lanes, spacing=observations.spacing)
     receivers = receivers or receivers_of(observations)
-    shares = first_shares(receivers) if shares is None else shares
-    lane_start = np.full(setting.n_lanes, 1 / setting.n_lanes)
-    state = course_at_start(course, setting.prior)
-    fit = _expect(
-        observations, setting, chain, state, receivers, shares, lane_start, roughly=roughly, likelihood_only=rounds == 0
-    )
+    expect = partial(_expect, observations, setting, receivers, roughly=roughly)
+    fit = expect(course_at_start(course, setting.prior), crowd or first_crowd(setting, receivers), likelihood_only=rounds == 0)
     if rounds == 0:
         return fit
     for _ in range(rounds):
-        shares, lane_start = shares_after(fit.class_share), _first_lane_shares(fit)
-        state = _maximise(observations, setting, fit)
-        better = _expect(
-            observations, setting, chain, state, receivers, shares, lane_start, roughly=roughly,
-            tried=fit.class_share > LEAST_TRIED,
-        )  # fmt: skip
+        better = expect(_maximise(observations, setting, fit), crowd_of(fit, observations), tried=fit.class_share > LEAST_TRIED)
         gain = better.log_posterior - fit.log_posterior
         fit = better if gain > 0 else fit
         if gain < LEAST_GAIN:
@@ -102,19 +115,18 @@ def fit_lanes(
 def _expect(
     observations: Observations,
     setting: LaneSetting,
-    chain: LaneChain,
-    course: Course,
     receivers: Receivers,
-    shares: FloatArray,
-    lane_start: FloatArray,
+    course: Course,
+    crowd: Crowd,
     *,
     roughly: bool,
     likelihood_only: bool = False,
     tried: BoolArray | None = None,
 ) -> LaneFit:
+    chain = lane_chain(setting.n_lanes, spacing=observations.spacing, changes_per_m=crowd.changes_per_m)
     start = np.full(len(chain.position), 1e-4)
-    start[: setting.n_lanes] = lane_start
-    start[chain.burst] = OFF_LANE_AT_START * lane_start
+    start[: setting.n_lanes] = crowd.first_lanes
+    start[chain.burst] = OFF_LANE_AT_START * crowd.first_lanes
     start /= start.sum()
     allowed = np.ones((len(observations.stations), len(chain.position)))
     allowed[:, chain.burst] = float(setting.off_lane)
@@ -122,10 +134,10 @@ def _expect(
         allowed[first : last + 1, (np.rint(chain.position) == lane) & ~chain.burst] = IN_CLOSED_LANE
     smoothed = smooth_traces(
         observations, chain, receivers, level=setting.base + course.offset, width=course.width, allowed=allowed, start=start,
-        class_shares=shares, least_share=2.0 if likelihood_only else LEAST_CLASS_SHARE, tried=tried,
-        roughly=roughly,
+        class_shares=crowd.receivers, least_share=2.0 if likelihood_only else LEAST_CLASS_SHARE, tried=tried, roughly=roughly,
     )  # fmt: skip
     state_share = smoothed.state_share
+    on_lanes = 1 - smoothed.class_share[:, -1]
     return LaneFit(
         setting=setting,
         course=course,
@@ -133,9 +145,10 @@ def _expect(
         position=np.stack([state_share @ chain.position, state_share @ chain.position**2], axis=-1),
         burst=state_share[:, :, chain.burst].sum(axis=2),
         class_share=smoothed.class_share,
+        changes=(on_lanes[:, None] * state_share.sum(axis=1)).sum(axis=0)[chain.begun] / chain.visits,
         receivers=receivers,
         log_likelihood=smoothed.log_likelihood,
-        log_posterior=float(smoothed.log_likelihood.sum() + course.log_prior),
+        log_posterior=float(smoothed.log_likelihood.sum() + course.log_prior + crowd.log_prior),
     )
 
 
@@ -157,10 +170,25 @@ def _maximise(observations: Observations, setting: LaneSetting, fit: LaneFit) ->
     )  # fmt: skip
 
 
-def _first_lane_shares(fit: LaneFit) -> FloatArray:
-    """Shares (lanes,) of the lanes in which traces begin, with one vehicle more in each."""
+def first_crowd(setting: LaneSetting, receivers: Receivers) -> Crowd:
+    """What is known of a crowd before its traces are."""
+    n = setting.n_lanes
+    return Crowd(
+        receivers=first_shares(receivers), first_lanes=np.full(n, 1 / n), changes_per_m=np.full((n - 1, 2), LANE_CHANGES_PER_M)
+    )
+
+
+def crowd_of(fit: LaneFit, observations: Observations) -> Crowd:
+    """What the traces of a fit have in common: with one vehicle more in each first lane, and one change more in each lane."""
     seen = fit.in_lane.sum(axis=2) > 0.1
     first = np.where(seen.any(axis=1), seen.argmax(axis=1), 0)
     begun = fit.in_lane[np.arange(len(first)), first] * (1 - fit.stray)[:, None]
     counts = begun.sum(axis=0) + 1.0
-    return np.asarray(counts / counts.sum())
+    on_lanes = (observations.eta > 0) * (1 - fit.stray)[:, None]
+    driven = (fit.in_lane * on_lanes[:, :, None]).sum(axis=(0, 1)) * observations.spacing
+    exposure = np.stack([driven[:-1], driven[1:]], axis=1)
+    return Crowd(
+        receivers=shares_after(fit.class_share),
+        first_lanes=counts / counts.sum(),
+        changes_per_m=(1 + fit.changes) / (1 / LANE_CHANGES_PER_M + exposure),
+    )

@@ -23,7 +23,8 @@ class LaneChain:
 
     `position` (states,) is the lane, with fractions between lanes; `burst` (states,) marks bursts. Forward edges: from
     `source[first[j]:first[j + 1]]` to state j with `probability`; `back_*` are those of the chain read backwards. `stationary`
-    (states,) are the long-run shares.
+    (states,) are the long-run shares. `begun` (lanes - 1, 2) numbers the states in which changes to the left, and back to the
+    right, begin; a change is there for `visits` stations in the mean.
     """
 
     n_lanes: int
@@ -36,20 +37,29 @@ class LaneChain:
     back_source: IntArray
     back_probability: FloatArray
     stationary: FloatArray
+    begun: IntArray
+    visits: float
 
 
-def lane_chain(n_lanes: int, *, spacing: float) -> LaneChain:
-    """The chain over `n_lanes` lanes between stations `spacing` [m] apart."""
+def lane_chain(n_lanes: int, *, spacing: float, changes_per_m: FloatArray | None = None) -> LaneChain:
+    """The chain over `n_lanes` lanes between stations `spacing` [m] apart.
+
+    `changes_per_m` (lanes - 1, 2) [1/m] are the rates of changes from lane k to k + 1 and back, by default LANE_CHANGES_PER_M.
+    """
+    rates = np.full((n_lanes - 1, 2), LANE_CHANGES_PER_M) if changes_per_m is None else changes_per_m
     position = [float(lane) for lane in range(n_lanes)]
     edges: list[tuple[int, int, float]] = []
-    change, burst = LANE_CHANGES_PER_M * spacing, BURSTS_PER_M * spacing
+    burst = BURSTS_PER_M * spacing
     leave_burst = min(spacing / BURST_LENGTH_M, 0.5)
     stay = CHANGE_STAY ** (spacing / 20.0)
+    quick = min(QUICK_PER_M * spacing, 0.9) if spacing >= 20 else 0.0
+    begun = np.zeros((n_lanes - 1, 2), dtype=int)
     for lane in range(n_lanes - 1):
-        for start, end in ((lane, lane + 1), (lane + 1, lane)):
-            one, two = len(position), len(position) + 1
+        for side, (start, end) in enumerate(((lane, lane + 1), (lane + 1, lane))):
+            change = min(float(rates[lane, side]) * spacing, 0.4)
+            begun[lane, side] = one = len(position)
+            two = one + 1
             position += [start + (end - start) / 3, start + 2 * (end - start) / 3]
-            quick = min(QUICK_PER_M * spacing, 0.9) if spacing >= 20 else 0.0
             edges += [(start, one, change * (1 - quick)), (start, end, change * quick)]
             edges += [(one, one, stay), (one, two, 0.95 * (1 - stay)), (one, start, 0.05 * (1 - stay))]
             edges += [(two, two, stay), (two, end, 1 - stay)]
@@ -80,6 +90,8 @@ def lane_chain(n_lanes: int, *, spacing: float) -> LaneChain:
         back_source=back_source,
         back_probability=back_probability,
         stationary=stationary,
+        begun=begun,
+        visits=(1 - quick) / (1 - stay),
     )
 
 

@@ -17,7 +17,7 @@ LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.6, 0.12  # 12 ft on freeways (AASHTO Green Boo
 MIN_USERS = 1.5  # of an outer lane: one trace adds no lane
 LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3
-LOG_PRIOR_PER_LANE = -3.0  # a lane must be worth some two good witnesses. Chosen by us
+LOG_PRIOR_PER_LANE = -5.0  # with ODD_SHARE: a lane must be worth two good witnesses. Chosen by us
 ODD_SHARE = 0.002  # of traces that say nothing of the number of lanes: so none says more than 6 nats. Chosen by us
 HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is made
 
@@ -26,23 +26,24 @@ def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> Lane
     """The likeliest fit over the numbers of lanes; without `off_lane` no vehicle is beside them."""
     fits = _rival_fits(observations, off_lane=off_lane)
     closing = np.array([log_closing(fit, observations) for fit in fits])
-    return fits[int(np.argmax(scores(fits) + closing))]
+    lacking = np.array([_outer_lanes_without_users(fit) for fit in fits])
+    return fits[int(np.argmax(scores(fits) + closing - 1e6 * lacking))]
 
 
 def scores(fits: list[LaneFit]) -> FloatArray:
     """Log posteriors (fits,) of fits to the same traces, with the prior of the number of lanes.
 
     Any trace may be of a vehicle that the model does not know, with probability ODD_SHARE, and is then as likely in each fit:
-    so one trace says no more for or against a lane than -log(ODD_SHARE). A fit whose outer lanes lack users is out of the
-    question.
+    so one trace says no more for or against a lane than -log(ODD_SHARE).
     """
     log_likelihood = np.stack([fit.log_likelihood for fit in fits])
     known = np.logaddexp(np.log(1 - ODD_SHARE) + log_likelihood, np.log(ODD_SHARE) + log_likelihood.max(axis=0))
     prior = [fit.course.log_prior + LOG_PRIOR_PER_LANE * fit.setting.n_lanes for fit in fits]
-    return np.asarray(known.sum(axis=1) + prior - [1e6 * _outer_lanes_without_users(fit) for fit in fits])
+    return np.asarray(known.sum(axis=1) + prior)
 
 
 def _outer_lanes_without_users(fit: LaneFit) -> int:
+    """How many of the two outer lanes lack users: with any, a fit is out of the question."""
     if fit.setting.n_lanes == 1:
         return 0
     users = fit.in_lane.max(axis=1).sum(axis=0)

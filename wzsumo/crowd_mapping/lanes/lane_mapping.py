@@ -9,7 +9,7 @@ import pandas as pd
 from wzsumo.crowd_mapping.cleaning.station_table import percentile_85_speed
 from wzsumo.crowd_mapping.lanes.branches import find_branches
 from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closures, p_open_strips, slow_stretches
-from wzsumo.crowd_mapping.lanes.doubts import LEAST_EXPLAINED, said_of_explained, said_of_lanes, said_of_shift, said_of_traces
+from wzsumo.crowd_mapping.lanes.doubts import said_of_explained, said_of_lanes, said_of_shift, said_of_traces
 from wzsumo.crowd_mapping.lanes.fit import LaneFit
 from wzsumo.crowd_mapping.lanes.lane_count import fit_lane_count
 from wzsumo.crowd_mapping.lanes.observations import Observations, observe
@@ -22,6 +22,7 @@ from wzsumo.tapers import merging_taper_m
 
 STRIPS = 8  # across a lane
 EDGE_SD_M = 0.06  # of an edge, however many traces there are: drivers as a whole are off the lanes' middles. Chosen by us
+LEAST_EXPLAINED = 0.5  # share of the drives that lanes have to explain; else they are laid where vehicles drove
 ROAD_OFF_M = 2.5  # a larger common shift is the road's, not the receivers': their ionosphere and clocks give 2 m at most
 BRANCH_WIDTH_SHARE = 0.9  # of a lane's width that is free around the middle of the traces of a branch
 
@@ -42,7 +43,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
     """
     axis = before.road if before else reference_line_from_traces(traces)
     observations = observe(traces, axis)
-    fit, explained = _fit(observations, before)
+    fit, unexplained = _fit(observations, before)
     prior = _closure_prior(traces, before, width=fit.course.width)
     fit, closures = fit_closures(fit, observations, prior)
     slow = slow_stretches(observations)
@@ -55,7 +56,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
     warnings = (
         *(said_of_shift(fit.course, has_road=before is not None, removed=removed)),
         *overruled,
-        *said_of_explained(explained),
+        *unexplained,
         *said_of_lanes(lanes, fit, observations, branches=branches),
         *odd_words,
     )
@@ -81,8 +82,8 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
     return MappedLanes(lanes=lane_map, figures=figures)
 
 
-def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit, float]:
-    """(fit, share of the drives that the lanes explained).
+def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit, list[str]]:
+    """(fit, what is said where lanes do not explain the drives).
 
     Where lanes explain too little, as of one vehicle on a winding street, all drives are held to be in lanes: these then lie
     where vehicles drove.
@@ -90,9 +91,10 @@ def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit,
     fit = fit_to_road(observations, before) if before else fit_lane_count(observations)
     driven = observations.eta > 0
     explained = float(((1 - fit.burst) * (1 - fit.stray)[:, None])[driven].mean()) if driven.any() else 0.0
-    if explained < LEAST_EXPLAINED:
-        fit = fit_to_road(observations, before, off_lane=False) if before else fit_lane_count(observations, off_lane=False)
-    return fit, explained
+    if explained >= LEAST_EXPLAINED:
+        return fit, []
+    fit = fit_to_road(observations, before, off_lane=False) if before else fit_lane_count(observations, off_lane=False)
+    return fit, said_of_explained(explained)
 
 
 def _closure_prior(traces: pd.DataFrame, before: MapBefore | None, *, width: float) -> ClosurePrior:

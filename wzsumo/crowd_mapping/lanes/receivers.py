@@ -71,11 +71,13 @@ def shares_after(class_share: FloatArray) -> FloatArray:
 
 
 def scouts_of(observations: Observations) -> Observations:
-    """Some of the traces, evenly chosen: enough to try a fit."""
+    """Some of the traces, spread evenly over their places across the road: enough to try a fit, and some of each lane."""
     n = len(observations.ids)
     if n <= SCOUTS:
         return observations
-    chosen = np.unique(np.linspace(0, n - 1, SCOUTS).astype(int))
+    seen = observations.eta > 0
+    place = np.array([np.median(y[ok]) if ok.any() else 0.0 for y, ok in zip(observations.offset, seen, strict=True)])
+    chosen = np.sort(np.argsort(place, kind="stable")[np.linspace(0, n - 1, SCOUTS).astype(int)])
     return replace(
         observations,
         offset=observations.offset[chosen],
