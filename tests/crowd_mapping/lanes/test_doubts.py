@@ -78,10 +78,12 @@ def test_traces_that_bear_no_witness_are_named_with_the_reason() -> None:
     in_lane = always_in([0, 0, 0, 1, 1], n_stations=M)
     fit = fit_of(in_lane, stray=np.array([0.9, 0, 0, 0, 0]), burst=np.zeros((5, M)))
     burst = fit.burst.copy()
-    burst[1, :8] = 1.0
+    burst[1, :8], in_lane[1, :8] = 1.0, 0.0
+    place = 3.6 * in_lane[:, :, 1]
+    place[1, :8] = -6.0
     slow = np.zeros((5, M), dtype=bool)
     slow[3, 10:15] = True
-    odd, (word,) = said_of_traces(replace(fit, burst=burst), seen(3.6 * in_lane[:, :, 1]), slow=slow, lanes=lanes)
+    odd, (word,) = said_of_traces(replace(fit, burst=burst), seen(place), slow=slow, lanes=lanes)
     reasons = {entry["vehicle_id"]: entry["reason"] for entry in odd}
     assert list(reasons) == ["v0", "v1", "v3", "v4"]
     assert reasons["v0"] == "follows no lane"
@@ -90,6 +92,15 @@ def test_traces_that_bear_no_witness_are_named_with_the_reason() -> None:
     assert "closed to the others" in reasons["v4"]
     assert word.startswith("4 of 5 traces")
     assert all(f"{name} {reason}" in word for name, reason in reasons.items())
+
+
+def test_trace_off_the_lanes_course_whose_place_is_in_a_lane_is_not_called_beside_them() -> None:
+    fit = fit_of(always_in([0, 0], n_stations=M))
+    burst = fit.burst.copy()
+    burst[1, :] = 1.0
+    assert said_of_traces(
+        replace(fit, burst=burst), seen(np.zeros((2, M))), slow=np.zeros((2, M), dtype=bool), lanes=(lane(),)
+    ) == ([], [])
 
 
 def test_traces_that_keep_their_lanes_are_not_odd() -> None:
