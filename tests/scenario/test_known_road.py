@@ -95,7 +95,11 @@ def test_feed_needs_traces_with_a_place(tmp_path: Path) -> None:
     road = tmp_path / "road.toml"
     road.write_text("[road]\nlane_count = 2\nleft_shoulder_ft = 4\nright_shoulder_ft = 10\nlength_ft = 5000\n")
     info = {"publisher": "DOT", "version": "4.2", "data_sources": [], "update_date": "2026-06-01T00:00:00Z"}
-    feed = {"type": "FeatureCollection", "feed_info": info, "features": [{"properties": {"core_details": {}}}]}
+    feed = {
+        "type": "FeatureCollection",
+        "feed_info": info,
+        "features": [{"properties": {"core_details": {"event_type": "work-zone"}}}],
+    }
     (tmp_path / "f.geojson").write_text(json.dumps(feed))
     with pytest.raises(InputError, match="a feed is in degrees"):
         read_known_road(

@@ -1,6 +1,5 @@
 """RoadEvent: one road event of a WZDx feed, read from versions 4.0 to 4.2."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -11,9 +10,12 @@ import numpy as np
 
 from wzsumo.errors import FeedError
 from wzsumo.frames import FloatArray
+from wzsumo.input_files import read_json, shown
 
 VERSIONS = ("4.0", "4.1", "4.2")  # what complies with 4.1 complies with 4.2; 4.0 has the same events under older keys
 MAX_IDS_SHOWN = 6
+QUOTES = "'\""
+MAX_WHY = 120  # letters of a fault that a message repeats
 # Bearing of a carriageway by the name of its direction [degrees clockwise from north] (WZDx 4.2, Direction).
 BEARINGS_DEG = {"northbound": 0.0, "eastbound": 90.0, "southbound": 180.0, "westbound": 270.0}
 
@@ -59,7 +61,7 @@ class RoadEvent:
 def read_feed(path: Path) -> dict[str, Any]:
     """The content of a WZDx work zone feed. Raises FeedError where the file is none, or of a version before 4."""
     try:
-        feed = json.loads(path.read_text(encoding="utf-8"))
+        feed = read_json(path)
     except FileNotFoundError:
         raise FeedError(f"{path}: no such file; name a WZDx feed in a GeoJSON file, with #ID for one of its events") from None
     except (OSError, ValueError) as error:
@@ -67,8 +69,8 @@ def read_feed(path: Path) -> dict[str, Any]:
     if not isinstance(feed, dict) or feed.get("type") != "FeatureCollection" or not isinstance(feed.get("features"), list):
         raise FeedError(f"{path}: is no FeatureCollection; a WZDx feed is one, with feed_info and features")
     info = feed.get("feed_info") or feed.get("road_event_feed_info")
-    version = str((info or {}).get("version", "not said"))
-    if info is None or version not in VERSIONS:
+    version = str(info.get("version", "not said"))[:20] if isinstance(info, dict) else "not said"
+    if version not in VERSIONS:
         raise FeedError(
             f"{path}: feed_info.version={version!r} must be one of {', '.join(VERSIONS)}; ask the publisher for its feed of "
             "that version"
@@ -117,13 +119,13 @@ def _is_road_event(found: Any) -> bool:
 
 
 def _event(found: Any, *, source: str) -> RoadEvent:
-    name = f"{source}#{found.get('id', '?') if isinstance(found, dict) else '?'}"
+    name = f"{source}#{shown(found.get('id', '?') if isinstance(found, dict) else '?').strip(QUOTES)}"
     try:
         properties = found["properties"]
         core = properties["core_details"]
         geometry = found["geometry"]
         if geometry["type"] not in {"LineString", "MultiPoint"}:
-            raise FeedError(f"{name}: geometry is a {geometry['type']}; WZDx has LineString or MultiPoint")
+            raise FeedError(f"{name}: geometry is a {shown(geometry['type']).strip(QUOTES)}; WZDx has LineString or MultiPoint")
         points = np.array([position[:2] for position in geometry["coordinates"]], dtype=float).reshape(-1, 2)
         if len(points) < 2:
             raise FeedError(f"{name}: geometry is a {geometry['type']} of {len(points)} points; WZDx has two or more")
@@ -133,24 +135,28 @@ def _event(found: Any, *, source: str) -> RoadEvent:
             raise FeedError(f"{name}: geometry holds {given}, which is no longitude and latitude; the longitude comes first")
         speed = properties.get("reduced_speed_limit_kph")
         return RoadEvent(
-            id=str(found.get("id", "?")),
-            kind=str(core["event_type"]),
+            id=str(found.get("id", "?"))[:MAX_WHY],
+            kind=str(core["event_type"])[:MAX_WHY],
             road_names=tuple(map(str, core.get("road_names") or ())),
-            direction=str(core.get("direction") or "unknown"),
+            direction=str(core.get("direction") or "unknown")[:MAX_WHY],
             lonlat=points,
             in_order=geometry["type"] == "LineString",
             start_verified=_verified(properties, "is_start_position_verified", "beginning_accuracy"),
             end_verified=_verified(properties, "is_end_position_verified", "ending_accuracy"),
             vehicle_impact=str(properties.get("vehicle_impact") or "unknown"),
             lanes=tuple(_lane(lane) for lane in properties.get("lanes") or ()),
-            movement=properties.get("work_zone_type"),
+            movement=_text(properties.get("work_zone_type")),
             speed_mps=None if speed is None else float(speed) / 3.6,
             start_time_s=_seconds(properties.get("start_date")),
             end_time_s=_seconds(properties.get("end_date")),
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        why = f"{type(error).__name__}: {error}"
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        why = f"{type(error).__name__}: {error}"[:MAX_WHY]
         raise FeedError(f"{name}: is no road event of WZDx 4 ({why}); it needs core_details, geometry and dates") from None
+
+
+def _text(value: Any) -> str | None:
+    return None if value is None else str(value)[:MAX_WHY]
 
 
 def _lane(lane: Mapping[str, Any]) -> EventLane:

@@ -7,6 +7,7 @@ from typing import Any
 
 from wzsumo.errors import SpecError
 from wzsumo.geography import LocalFrame
+from wzsumo.input_files import read_json
 
 FRAME_FILE = "frame.json"
 
@@ -22,7 +23,7 @@ def read_frame(folder: Path) -> LocalFrame | None:
     if not path.is_file():
         return None
     try:
-        return frame_from(json.loads(path.read_text(encoding="utf-8")))
+        return frame_from(read_json(path))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SpecError(
             f"{path}: states no frame ({error!r}); it holds crs and origin_m, as `wzsumo map` writes them"

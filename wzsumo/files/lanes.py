@@ -9,15 +9,19 @@ from typing import Any
 
 import numpy as np
 import shapely
+from shapely.errors import GEOSException
 
 from wzsumo.errors import MapError
 from wzsumo.files.geojson import feature, feature_collection, frame_of_collection, geometry_in_metres
 from wzsumo.frames import FloatArray
 from wzsumo.geography import LocalFrame
+from wzsumo.input_files import read_json
 from wzsumo.lane_map import LaneMap, MappedBranch, MappedLane
 from wzsumo.road import Road
 
 LANES_FILE = "lanes.geojson"
+MAX_OFFSET_M = 1e4  # of a lane from the axis of its map
+MAX_WHY = 160  # letters of a fault that a message repeats
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +70,7 @@ def read_lanes(path: Path | str) -> LanesFile:
     if path.is_dir():
         path = path / LANES_FILE
     try:
-        collection = json.loads(path.read_text(encoding="utf-8"))
+        collection = read_json(path)
         frame = frame_of_collection(collection)
         by_name: dict[str, list[dict[str, Any]]] = {}
         for found in collection["features"]:
@@ -89,8 +93,8 @@ def read_lanes(path: Path | str) -> LanesFile:
         )
     except FileNotFoundError:
         raise MapError(f"{path}: no such file; name a lanes.geojson that `wzsumo map` wrote, or its folder") from None
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
-        why = str(error).splitlines()[0] if str(error) else type(error).__name__
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, GEOSException) as error:
+        why = str(error).splitlines()[0][:MAX_WHY] if str(error) else type(error).__name__
         raise MapError(f"{path}: is no lanes.geojson of `wzsumo map` ({type(error).__name__}: {why})") from None
 
 
@@ -175,6 +179,8 @@ def _road(axis: Mapping[str, Any], frame: LocalFrame | None) -> Road:
 def _lane(numbers: Mapping[str, Any]) -> MappedLane:
     names = ("right", "left", "right_sd", "left_sd")
     lines = {name: np.array(numbers[f"{name}_m"], dtype=float) for name in names}
+    if not all((np.abs(line) < MAX_OFFSET_M).all() for line in (lines["right"], lines["left"])):
+        raise ValueError("the lines of a lane must be numbers, in metres beside the axis")
     return MappedLane(**lines, p_open=np.array(numbers["p_open"], dtype=float), n_traces=int(numbers["n_traces"]))
 
 

@@ -68,6 +68,8 @@ def road_along(
     `shoulders` are left and right [m]; where they are None, those of a freeway or of a street by the speed limit are taken. The
     line is simplified as little as a Road needs. Raises SpecError where it bends more sharply than a road.
     """
+    if not np.isfinite(line).all():
+        raise SpecError(f"{source}: its line goes too far over the earth to be one road")
     assumed = []
     if shoulders is None:
         freeway = speed_mps is None or speed_mps >= FREEWAY_FROM_MPS

@@ -1,6 +1,5 @@
 """The road before as a line in a GeoJSON file: the middle of its lanes, in the direction of travel, with attributes."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,11 @@ import numpy as np
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray
 from wzsumo.geography import LocalFrame
+from wzsumo.input_files import read_json, shown
 from wzsumo.roads.found_road import LANE_WIDTH_M, FoundRoad, road_along
 from wzsumo.units import METRES_PER_FOOT, mps_from_mph
 
+MAX_COORDINATE_M = 1e8  # of any projection of the earth
 KEYS = (
     "lanes", "lane_width_m", "lane_width_ft", "left_shoulder_m", "left_shoulder_ft", "right_shoulder_m", "right_shoulder_ft",
     "speed_limit_mph",
@@ -25,10 +26,10 @@ def read_line(path: Path, *, frame: LocalFrame | None) -> FoundRoad:
     Its properties may be KEYS; only `lanes` must be there. Raises SpecError where the file is none, or its line bends too much.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         found = content["features"] if content["type"] == "FeatureCollection" else [content]
         line = next(each for each in found if (each.get("geometry") or {}).get("type") == "LineString")
-        points = np.array([position[:2] for position in line["geometry"]["coordinates"]], dtype=float)
+        points = np.array([position[:2] for position in line["geometry"]["coordinates"]], dtype=float).reshape(-1, 2)
         given = dict(line.get("properties") or {})
     except FileNotFoundError:
         raise SpecError(f"{path}: no such file; name a GeoJSON file of a line") from None
@@ -39,7 +40,7 @@ def read_line(path: Path, *, frame: LocalFrame | None) -> FoundRoad:
     n_lanes = _number(given, "lanes", path)
     if n_lanes is None or n_lanes != int(n_lanes) or not 1 <= n_lanes <= 8:
         raise SpecError(
-            f"{path}: properties.lanes={given.get('lanes')!r} must be the number of lanes, 1 to 8, in the direction of the line"
+            f"{path}: properties.lanes={shown(given.get('lanes'))} must be the number of lanes, 1 to 8, along the line"
         )
     assumed = []
     width = _length(given, "lane_width", path)
@@ -60,6 +61,8 @@ def read_line(path: Path, *, frame: LocalFrame | None) -> FoundRoad:
 
 
 def _in_metres(points: FloatArray, frame: LocalFrame | None, path: Path) -> FloatArray:
+    if len(points) < 2 or not (np.abs(points) < MAX_COORDINATE_M).all():
+        raise SpecError(f"{path}: its LineString must have two points or more, each of two numbers")
     degrees = bool((np.abs(points) <= (180, 90)).all())
     if degrees and frame is None:
         raise SpecError(f"{path}: the line is in degrees, the traces are metres of no known place; say theirs with --crs")
@@ -85,5 +88,5 @@ def _number(given: Mapping[str, Any], key: str, path: Path) -> float | None:
     except (TypeError, ValueError):
         number = float("nan")
     if not 0 <= number < 1000:
-        raise SpecError(f"{path}: properties.{key}={value!r} must be a number of 0 or more")
+        raise SpecError(f"{path}: properties.{key}={shown(value)} must be a number of 0 or more")
     return number

@@ -1,6 +1,6 @@
 """A SUMO network as its file says it: edges with the shapes of their lanes, and the connections between lanes."""
 
-import gzip
+import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,7 +12,10 @@ import numpy as np
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray
 from wzsumo.geography import LocalFrame
+from wzsumo.input_files import read_bytes
 
+MAX_LANES = 100  # of an edge
+MAX_COORDINATE_M = 1e8  # of any projection of the earth
 DEFAULT_LANE_WIDTH_M = 3.2  # SUMO docs, "Networks/SUMO Road Networks": of lanes without a width
 # Vehicle classes of which one must be allowed on a lane of general traffic (SUMO docs, "Vehicle Classes").
 GENERAL = ("passenger", "private", "all")
@@ -96,7 +99,7 @@ def read_net(path: Path) -> SumoNet:
         net = _collected(_top_elements(path))
     except FileNotFoundError:
         raise SpecError(f"{path}: no such file; name a SUMO network (.net.xml)") from None
-    except (OSError, ET.ParseError, KeyError, ValueError) as error:
+    except (OSError, ET.ParseError, KeyError, ValueError, IndexError) as error:
         raise SpecError(f"{path}: is no SUMO network ({type(error).__name__}: {error})") from None
     if not net.edges:
         raise SpecError(f"{path}: has no edge for cars; a SUMO network ends in .net.xml and comes from netconvert")
@@ -125,11 +128,12 @@ def _collected(elements: Iterator[ET.Element]) -> SumoNet:
             elif found.via is not None:
                 next_internal[f"{found.start}_{found.start_lane}"] = found.via
     known = {pair: found for pair, found in connections.items() if pair[0] in edges and pair[1] in edges}
+    _check_lanes(edges, known)
     return SumoNet(edges=edges, connections=known, internal_lanes=internal, next_internal=next_internal, frame=frame)
 
 
 def _top_elements(path: Path) -> Iterator[ET.Element]:
-    with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+    with io.BytesIO(read_bytes(path)) if path.suffix == ".gz" else path.open("rb") as file:
         depth = 0
         for event, element in ET.iterparse(file, events=("start", "end")):  # noqa: S314 - expat expands no external entities
             depth += 1 if event == "start" else -1
@@ -160,22 +164,39 @@ def _edge(element: ET.Element) -> NetEdge:
 
 
 def _lane(element: ET.Element) -> NetLane:
-    points = [point.split(",")[:2] for point in element.attrib["shape"].split()]
+    points = np.array([point.split(",")[:2] for point in element.attrib["shape"].split()], dtype=float)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not (np.abs(points) < MAX_COORDINATE_M).all():
+        raise ValueError(f"the shape of lane {element.attrib['id']} is no line of two points or more")
     width = element.get("width")
     return NetLane(
         id=element.attrib["id"],
-        index=int(element.attrib["index"]),
-        shape=np.array(points, dtype=float),
+        index=_lane_number(element),
+        shape=points,
         width=None if width is None else float(width),
         speed=float(element.attrib["speed"]),
         for_cars=_for_cars(element.get("allow"), element.get("disallow")),
     )
 
 
+def _lane_number(element: ET.Element) -> int:
+    index = int(element.attrib["index"])
+    if not 0 <= index < MAX_LANES:
+        raise ValueError(f"lane {element.attrib['id']} has the index {index}")
+    return index
+
+
 def _for_cars(allow: str | None, disallow: str | None) -> bool:
     if allow is not None:
         return bool(set(allow.split()) & set(GENERAL))
     return disallow is None or not set(disallow.split()) & {"passenger", "all"}
+
+
+def _check_lanes(edges: dict[str, NetEdge], connections: dict[tuple[str, str], list[NetConnection]]) -> None:
+    """Raise ValueError where a connection is of a lane that its edge has not."""
+    for (start, end), found in connections.items():
+        n_start, n_end = len(edges[start].lanes), len(edges[end].lanes)
+        if not all(0 <= one.start_lane < n_start and 0 <= one.end_lane < n_end for one in found):
+            raise ValueError(f"a connection from {start} to {end} is of a lane that is not there")
 
 
 def _connection(element: ET.Element) -> NetConnection:

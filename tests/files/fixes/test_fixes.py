@@ -360,6 +360,15 @@ def test_a_value_that_is_no_number_stays_to_be_named(tmp_path: Path) -> None:
         read(tmp_path / "c.csv", metres(DRIVE), columns={"y_ft": "y_m"})
 
 
+@pytest.mark.parametrize("value", ["unknown", "1,9 m", "inf", "1e6"])
+def test_sizes_that_are_none_are_left_out_and_counted(tmp_path: Path, value: str) -> None:
+    fixes = read(tmp_path / "a.csv", metres(DRIVE).assign(width_m=["1.9"] * 79 + [value]))
+    assert fixes.table["width_m"].iloc[-2:].to_list() == [1.9, pytest.approx(np.nan, nan_ok=True)]
+    assert "width_m is no width of 0.3 to 5 m in 1 of 80 rows, and is not used there" in fixes.doubts
+    everywhere = read(tmp_path / "b.csv", metres(DRIVE).assign(width_m="unknown"))
+    assert any("in 80 of 80 rows" in word for word in everywhere.doubts)
+
+
 def test_small_vehicles_and_empty_sizes_are_no_fault(tmp_path: Path) -> None:
     fixes = read(tmp_path / "a.csv", metres(DRIVE).assign(width_m=[0.8, np.nan] * 40)).table
     assert fixes["width_m"].iloc[:2].to_list() == [0.8, pytest.approx(np.nan, nan_ok=True)]

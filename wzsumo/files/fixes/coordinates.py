@@ -56,8 +56,9 @@ def place_degrees(
     if crs is not None:
         degrees = lonlat_of_crs(crs, degrees)
     found = frame or local_frame(degrees)
+    points = found.from_lonlat(degrees)
     return Placed(
-        points=found.from_lonlat(degrees),
+        points=np.where(np.isfinite(points), points, np.nan),
         frame=found,
         said=(*said, f"{columns[1].name} and {columns[0].name} are projected to metres"),
         doubts=_coarse_steps(degrees, METRES_PER_DEGREE, columns=columns),
@@ -226,5 +227,7 @@ def _rounding_step(values: FloatArray) -> float:
     for decimals in range(MAX_DECIMALS + 1):
         if (np.abs(values - np.round(values, decimals)) < 1e-9 * 10.0**-decimals + 1e-15 * np.abs(values)).all():
             return float(10.0**-decimals)
+    if np.abs(values).max() > np.finfo(np.float32).max:
+        return 0.0
     short = values.astype(np.float32)
     return float(np.spacing(np.abs(short).max())) if (short == values).all() else 0.0

@@ -60,6 +60,7 @@ UNITS = {
     "e6": "e6", "e7": "e7", "semicircles": "semicircles", "microdegrees": "e6",
 }  # fmt: skip
 NEEDED = ("vehicle_id", "time", "lat", "lon")  # what a column is looked for by the last words of its name
+MAX_COLUMNS = 2000
 LEAST_NAME = 3  # letters: shorter ones, as "id" and "x", end many names that mean something else
 _OF_SPEED = {"ms": "m/s", "fts": "ft/s"}  # "Speed(m/s)" and "speed_ms" are no milliseconds
 
@@ -82,6 +83,8 @@ def columns_of(names: list[str], *, chosen: Mapping[str, str], source: str) -> d
 
     Raises TraceError where a chosen column is not there or a meaning is unknown.
     """
+    if len(names) > MAX_COLUMNS:
+        raise TraceError(f"{source}: has {len(names)} columns; a table of traces has at most {MAX_COLUMNS}")
     found: dict[str, tuple[int, Column]] = {}
     for name in names:
         for meaning, rank, unit in _meanings(name):

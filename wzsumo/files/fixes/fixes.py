@@ -11,7 +11,7 @@ from wzsumo.files.fixes.coordinates import METRES_PER_UNIT, Placed, place_degree
 from wzsumo.files.fixes.dialects import Column, columns_of
 from wzsumo.files.fixes.speeds import SPEED_UNITS, Steps, steps_between, unit_of_ratio
 from wzsumo.files.fixes.sumo_fcd import is_fcd, moved_from_bumper, turned_to_north, without_empty_steps
-from wzsumo.files.fixes.times import Times, are_clock_times, times_of, with_date
+from wzsumo.files.fixes.times import Times, are_clock_times, numbers_of, times_of, with_date
 from wzsumo.frames import FloatArray, heading_from_sumo_angle
 from wzsumo.geography import LocalFrame
 
@@ -81,7 +81,7 @@ def fixes_of(
     for axis, name in enumerate(("x", "y")):  # as they stand where they are metres, so that a bad value can be named
         table[f"{name}_m"] = raw[found[name].name] if kept else placed.points[:, axis]
     _add_motion(table, raw, found, steps=steps, placed=placed, speed=speed, words=words)
-    _add_sizes(table, raw, found, source=source)
+    _add_sizes(table, raw, found, words=words, source=source)
     _add_accuracy(table, raw, found, words=words)
     if is_fcd(found) and "heading_rad" in table:
         table, said = moved_from_bumper(table)
@@ -130,7 +130,10 @@ def _times(raw: pd.DataFrame, found: dict[str, Column], *, source: str) -> Times
 def _ids(raw: pd.DataFrame, found: dict[str, Column], *, drive: str | None, words: _Words) -> "pd.Series[str] | None":
     """Ids of the rows; the file's own name where it names no vehicles and its clock never runs back. None: there are none."""
     if "vehicle_id" in found:
-        return raw[found["vehicle_id"].name]
+        ids = raw[found["vehicle_id"].name]
+        if isinstance(next(iter(ids.dropna()), None), list | dict | np.ndarray):
+            return None
+        return ids
     if drive is None or "time" not in found or raw.empty:
         return None
     times = times_of(raw[found["time"].name], unit=None, source="")
@@ -141,8 +144,7 @@ def _ids(raw: pd.DataFrame, found: dict[str, Column], *, drive: str | None, word
 
 
 def _numbers(raw: pd.DataFrame, column: Column) -> FloatArray:
-    values = raw[column.name]
-    return values.to_numpy(dtype=float) if values.dtype.kind == "f" else pd.to_numeric(values, errors="coerce").to_numpy(float)
+    return numbers_of(raw[column.name])
 
 
 def _speed_column(raw: pd.DataFrame, found: dict[str, Column]) -> tuple[FloatArray | None, FloatArray | None]:
@@ -220,7 +222,7 @@ def _way_off(heading: FloatArray, steps: Steps, points: FloatArray) -> FloatArra
     return np.asarray(off[np.isfinite(off)])
 
 
-def _add_sizes(table: pd.DataFrame, raw: pd.DataFrame, found: dict[str, Column], *, source: str) -> None:
+def _add_sizes(table: pd.DataFrame, raw: pd.DataFrame, found: dict[str, Column], *, words: _Words, source: str) -> None:
     for name in ("length", "width"):
         if name not in found:
             continue
@@ -239,7 +241,12 @@ def _add_sizes(table: pd.DataFrame, raw: pd.DataFrame, found: dict[str, Column],
                 f"{source}: the median of {column.name} is {usual:g} m; a vehicle's {name} is {low:g} to {high:g} m: say the "
                 f"unit, as in --columns {name}_cm={column.name} or {name}_ft={column.name}, or leave the column out"
             )
-        table[key] = raw[column.name] if column.unit == "m" and column.own else metres
+        used = (metres >= low) & (metres <= high)
+        if unused := int((raw[column.name].notna() & ~used).sum()):
+            words.doubts.append(
+                f"{column.name} is no {name} of {low:g} to {high:g} m in {unused} of {len(metres)} rows, and is not used there"
+            )
+        table[key] = np.where(used, metres, np.nan)
 
 
 def _add_accuracy(table: pd.DataFrame, raw: pd.DataFrame, found: dict[str, Column], *, words: _Words) -> None:

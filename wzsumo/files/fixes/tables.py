@@ -1,7 +1,6 @@
 """Raw tables of fixes from files and folders: separated text, Parquet, GeoParquet, SUMO's FCD in XML, GPX; compressed too."""
 
 import csv
-import gzip
 import io
 import re
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from pyarrow import ArrowException
 
 from wzsumo.errors import TraceError
 from wzsumo.files.fixes.point_columns import table_of_arrow, with_points_of_text
+from wzsumo.input_files import read_bytes
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".geoparquet", ".xml", ".gpx")  # each but Parquet may be followed by .gz
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -55,12 +55,8 @@ def _kind(path: Path) -> str:
     return suffix if suffix in SUFFIXES and not compressed_parquet else ""
 
 
-def _bytes(path: Path) -> bytes:
-    return gzip.decompress(path.read_bytes()) if path.suffix.lower() == ".gz" else path.read_bytes()
-
-
 def _read_text(path: Path) -> tuple[pd.DataFrame, str | None]:
-    content, encoding = _bytes(path), "utf-8-sig"
+    content, encoding = read_bytes(path), "utf-8-sig"
     if content.startswith(UTF_16_MARKS):
         encoding = "utf-16"  # "Unicode text" of spreadsheets
     first = content[:65536].decode(encoding, errors="replace").splitlines()
@@ -87,7 +83,7 @@ def _read_parquet(path: Path) -> tuple[pd.DataFrame, str | None]:
 
 def _read_xml(path: Path) -> tuple[pd.DataFrame, str | None]:
     """The table of an XML file: SUMO's FCD output, or GPX under another name."""
-    content = _bytes(path)
+    content = read_bytes(path)
     if b"<gpx" in content[:4096]:
         return _gpx_table(content, source=path), None
     rows = [
@@ -104,7 +100,7 @@ def _read_xml(path: Path) -> tuple[pd.DataFrame, str | None]:
 
 
 def _read_gpx(path: Path) -> tuple[pd.DataFrame, str | None]:
-    return _gpx_table(_bytes(path), source=path), None
+    return _gpx_table(read_bytes(path), source=path), None
 
 
 def _gpx_table(content: bytes, *, source: Path) -> pd.DataFrame:

@@ -14,6 +14,7 @@ from wzsumo.frames import FloatArray
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 # Epoch times of the years 2001 to 2286 in each unit; times that count from a file's own start are smaller.
 EPOCH_FROM_S, EPOCH_UNTIL_S = 1e9, 1e10
+MAX_NUMBER = 1e20  # nanoseconds since 1970 are 1.8e18; the square of a larger number tells nothing
 COUNTER_FROM = 1e11  # seconds of 3,000 years
 # Forms of dates beside ISO 8601, as the US DOT work zone data collection tool, spreadsheets and databases write them. Of two
 # that read as many dates the first is taken: the month before the day, where no number is above 12.
@@ -62,14 +63,21 @@ def times_of(column: "pd.Series[Any]", *, unit: str | None, source: str) -> Time
     return Times(seconds=seconds, utc=True, said=tuple(said))
 
 
+def numbers_of(column: "pd.Series[Any]") -> FloatArray:
+    """The column as numbers (n,), not a number where it holds something else, or what measures nothing on a road."""
+    if column.dtype.kind == "f":
+        values = column.to_numpy(dtype=np.float64)
+    else:
+        values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64)
+    return np.where(np.abs(values) < MAX_NUMBER, values, np.nan)
+
+
 def _numbers(column: "pd.Series[Any]") -> FloatArray | None:
     """The column as numbers; None where it holds dates, or more words than numbers."""
-    if column.dtype.kind in "iuf":
-        return np.asarray(column, dtype=np.float64)
     if column.dtype.kind == "M" or isinstance(column.dtype, pd.DatetimeTZDtype):
         return None
-    numbers = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64)
-    return np.asarray(numbers) if 2 * np.isfinite(numbers).sum() > len(numbers) else None
+    numbers = numbers_of(column)
+    return numbers if column.dtype.kind in "iuf" or 2 * np.isfinite(numbers).sum() > len(numbers) else None
 
 
 def _times_of_numbers(numbers: FloatArray, *, name: str, unit: str | None) -> Times:
