@@ -12,7 +12,7 @@ from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.feeds.verified import VerifiedZone
 from wzsumo.files.lanes import LanesFile
 from wzsumo.geography import local_frame
-from wzsumo.report.zone_page import differences, write_zone_page, zone_page
+from wzsumo.report.zone_page import _label_place, differences, write_zone_page, zone_page
 
 EXACT = LanesFile(lanes=lane_map_of(paper_layout()), frame=local_frame([[-83.74, 42.28]]))
 ANNOUNCED = AnnouncedZone(start_m=300.0, end_m=900.0, start_sd_m=150.0, end_sd_m=15.0, closed_lanes=(2,))
@@ -54,3 +54,19 @@ def test_page_of_a_map_without_a_place_or_announcement_says_so() -> None:
     assert "without a place on earth" in page
     assert ">y</text>" in page
     assert "Nothing was announced" in page
+
+
+@pytest.mark.parametrize(
+    ("across", "anchor"),
+    [
+        ([[400.0, 90.0], [402.0, 120.0]], "middle"),  # the road runs across the drawing
+        ([[400.0, 100.0], [430.0, 105.0]], "start"),  # it runs up the drawing
+        ([[1050.0, 100.0], [1080.0, 105.0]], "end"),  # and at its edge
+    ],
+)
+def test_names_of_marks_stand_beside_the_road_and_within_the_drawing(across: list[list[float]], anchor: str) -> None:
+    for ends in (across, across[::-1]):
+        place = _label_place(np.array(ends))
+        assert place["anchor"] == anchor
+        assert place["y"] < 90 if anchor == "middle" else place["x"] in {across[0][0] - 6, across[1][0] + 6}
+        assert 0 < place["x"] + {"middle": 55, "start": 110, "end": -110}[anchor] < 1100

@@ -27,6 +27,7 @@ MAP_WIDTH, MAP_HEIGHT = 1100.0, 520.0  # of the drawing, in its own units
 MARGIN = 60.0
 LEAST_LANE_WIDTH = 3.0  # drawn, in the same units: a zone of 2 km on 1100 units would have lanes of 2
 DETAIL_HEIGHT = 190.0  # of the drawing along the road, whose offsets are stretched
+LABEL_WIDTH = 110.0  # of "announced start", in the same units
 Z_95 = 1.96
 
 
@@ -131,9 +132,7 @@ def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[st
     for name in ("start", "end") if announced else ():
         s = getattr(announced, f"{name}_m")
         across = place(lanes.to_xy([s, s], np.interp(s, lanes.stations, middle_line) + np.array([-14.0, 14.0]) / scale))
-        x = float(np.clip(across[0, 0], MARGIN, MAP_WIDTH - MARGIN))  # so that its name is not cut off
-        y = float(across[:, 1].min()) - 4
-        marks.append({"points": _points(across), "name": f"announced {name}", "x": round(x, 1), "y": round(y, 1)})
+        marks.append({"points": _points(across), "name": f"announced {name}", **_label_place(across)})
     bar = _round_length(160.0 / scale)
     corners = []
     if content.frame is not None:
@@ -145,6 +144,17 @@ def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[st
         "width": MAP_WIDTH, "height": round(height, 1), "shapes": shapes, "marks": marks, "corners": corners,
         "bar": round(bar * scale, 2), "bar_m": bar, "north": content.frame is not None, "drawn_apart": spread > 1.01,
     }  # fmt: skip
+
+
+def _label_place(across: FloatArray) -> dict[str, Any]:
+    """Where the name of a mark across the road (2, 2) stands: above it, or at its side where the road runs up the drawing."""
+    (left, y_left), (right, y_right) = across[np.argsort(across[:, 0])]
+    if right - left < abs(y_right - y_left):
+        x = float(np.clip((left + right) / 2, MARGIN, MAP_WIDTH - MARGIN))  # so that its name is not cut off
+        return {"x": round(x, 1), "y": round(float(min(y_left, y_right)) - 4, 1), "anchor": "middle"}
+    room = right + 6 + LABEL_WIDTH < MAP_WIDTH
+    x, y = (right + 6, y_right) if room else (left - 6, y_left)
+    return {"x": round(float(x), 1), "y": round(float(y) + 4, 1), "anchor": "start" if room else "end"}
 
 
 def _detail_drawing(lanes: LaneMap, announced: AnnouncedZone | None) -> dict[str, Any]:
