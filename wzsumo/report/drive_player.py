@@ -1,20 +1,21 @@
 """The data with which report.html plays a drive back: the ego, the vehicles around it and the zone, as JSON."""
 
-import json
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from markupsafe import Markup
 from shapely.geometry.base import BaseGeometry
 
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.frames import advance
+from wzsumo.report.page import json_block
 
 FRAME_S = 0.2  # time between two frames, between which the page interpolates
 OUTLINE_TOLERANCE_M = 0.05  # by which the simplified outlines of areas may differ from the areas
 
 
-def player_data(run: ResultFolder, method: str | None) -> str | None:
+def player_data(run: ResultFolder, method: str | None) -> Markup | None:
     """JSON of the method's drive; None where nothing was driven. World frame, metres rounded to the centimetre.
 
     `ego` holds [x, y, heading, speed] of each frame. `others` holds, for each frame, [x, y, heading, number, length, width] of
@@ -39,7 +40,7 @@ def player_data(run: ResultFolder, method: str | None) -> str | None:
         "areas": {name: _rings(area) for name, area in run.polygons.items()},
         "devices": _rounded(run.devices[["x_m", "y_m", "radius_m"]].to_numpy(dtype=float)),
     }
-    return json.dumps(data, separators=(",", ":"))
+    return json_block(data)
 
 
 def _on_frames(time_s: "pd.Series[float]") -> "pd.Series[bool]":

@@ -1,5 +1,6 @@
 """report.html of a study: answers, figures, tables, and every case with the command that runs it alone."""
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -55,9 +56,10 @@ def _page(
 ) -> str:
     factors = [name for name in table.attrs["factors"] if name != "seed"]
     seeds, simulations = table["seed"].nunique(), table["simulation"].nunique()
+    place = shlex.quote(str(folder))  # the command is to be copied to a shell
     return page_template("sweep.html.j2").render(
         name=study.spec.name,
-        folder=str(folder),
+        command=f"wzsumo run {place} --case CASE --out {shlex.quote(str(folder / 'cases'))}/CASE",
         facts=f"{len(table)} of {len(study.cases)} cases · {simulations} simulations · {seeds} seeds · wzsumo {code_version()}",
         answers=_answers(table, factors),
         not_done=table.loc[table["status"] != "DONE", "reason"].value_counts().items(),

@@ -1,0 +1,118 @@
+"""Pages in a real browser, with names that try to run scripts everywhere."""
+
+import base64
+import hashlib
+import html
+import json
+import re
+import shlex
+import shutil
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sweep_trials import FLEET, a_study, sweep
+
+from wzsumo.report.page import json_block, policy, script
+from wzsumo.report.sweep_report import write_sweep_report
+from wzsumo.sweep import task_queue as engine
+from wzsumo.sweep.evaluation.study_case import StudyCase
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+OWN = "document.documentElement.dataset.owned=1"
+HOSTILE = f"`${{{OWN}}}'\"${{{OWN}}}<img src=x onerror={OWN}>&$(touch owned)"
+REASON = f"</script><script>{OWN}</script><img src=x onerror={OWN}>{HOSTILE}\u2028\x1b"
+CLICK = """document.querySelector("button.case").click();
+document.title = document.querySelector("#rerun code").textContent;"""
+
+
+def evaluate_cases(_fleet: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
+    done = {"status": "DONE", "iou": 0.5, "precision": 0.9, "recall": 0.8, "safe_plan": True, "minutes_to_collect": 1.0}
+    done |= {"planned_min_clearance_devices_m": 0.5}
+    refused = {"status": "REFUSED", "reason": REASON}
+    return [{"case": case.id} | (done if case.scenario.crowd.used > 1 else refused) for case in cases]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study in a folder whose name holds markup, the end of a script, a template literal and a command of a shell."""
+    out = tmp_path_factory.mktemp("study") / f"a{HOSTILE}<" / f"script>{HOSTILE}"
+    out.mkdir(parents=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "simulate", lambda _scenario: FLEET)
+        patch.setattr(engine, "evaluate_cases", evaluate_cases)
+        sweep(a_study(seed=[1, 2], crowd__used=[1, 2]), out)
+    (out / "cases" / HOSTILE).mkdir(parents=True)
+    (out / "cases" / HOSTILE / "report.html").write_text("a case")
+    write_sweep_report(out)
+    return out
+
+
+def opened(page: str, folder: Path) -> str:
+    """The document that the browser has made of a page, after its scripts have run."""
+    (folder / "page.html").write_text(page, encoding="utf-8")
+    options = (
+        "--headless --no-sandbox --disable-gpu --no-first-run --disable-background-networking --disable-component-update "
+        "--disable-sync --disable-dev-shm-usage --virtual-time-budget=2000 --dump-dom"
+    )
+    command = [str(CHROMIUM), *options.split(), f"--user-data-dir={folder / 'profile'}", (folder / "page.html").as_uri()]
+    return subprocess.run(command, capture_output=True, check=True, text=True, errors="replace").stdout
+
+
+def with_script(page: str, content: str, *, allowed: bool) -> str:
+    """The page with one more script, which its policy allows or not."""
+    if allowed:
+        value = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
+        page = page.replace("script-src ", f"script-src &#39;sha256-{value}&#39; ")
+    return page.replace("</body>", f"<script>{content}</script></body>")
+
+
+@needs_browser
+def test_hostile_names_in_a_study_run_nothing_and_the_command_is_safe_to_copy(folder: Path, tmp_path: Path) -> None:
+    """Without the policy, too: escaping alone must hold."""
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    without_policy = re.sub(r"<meta http-equiv[^>]*>", "", page)
+    assert without_policy != page
+    shown = opened(with_script(without_policy, CLICK, allowed=False), tmp_path)
+    title = html.unescape(re.findall(r"<title>(.*?)</title>", shown, flags=re.S)[0])
+    assert "data-owned" not in shown
+    words = shlex.split(title)
+    case = words[4]
+    assert re.fullmatch("[0-9a-f]{16}", case)
+    assert words == ["wzsumo", "run", str(folder), "--case", case, "--out", str(folder / "cases" / case)]
+
+
+@needs_browser
+def test_policy_of_a_study_lets_its_own_script_alone_run(folder: Path, tmp_path: Path) -> None:
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    shown = opened(with_script(with_script(page, CLICK, allowed=True), OWN, allowed=False), tmp_path)
+    assert "<title>wzsumo run" in shown  # the page's script answered the click
+    assert "data-owned" not in shown
+
+
+@needs_browser
+def test_policy_of_a_played_drive_lets_its_own_script_alone_run(tmp_path: Path) -> None:
+    body = '<canvas id="player"></canvas><input id="at" type="range"><button id="play"></button><span id="now"></span>'
+    drive: dict[str, Any] = {"frame_s": 0.2, "size": [5, 2], "ego": [[0, 0, 0, 5], [1, 0, 0, 5]], "others": [[], []]}
+    drive |= {"devices": [], "areas": {name: [] for name in ("pavement", "drivable", "closed_area")}}
+    head = f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy("drive_player.js")}">'
+    data = f'<script type="application/json" id="drive">{json_block(drive)}</script>'
+    own = f"<script>{script('drive_player.js')}</script>"
+    page = f"<!DOCTYPE html><html><head>{head}</head><body>{body}{data}{own}</body></html>"
+    shown = opened(with_script(page, OWN, allowed=False), tmp_path)
+    assert 'max="1"' in shown  # the player has set the length of its slider
+    assert "data-owned" not in shown
+
+
+def test_script_of_a_page_is_the_packages_own_to_the_letter(folder: Path) -> None:
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert re.findall(r"<script[^>]*>(.*?)</script>", page, flags=re.S) == [str(script("sweep.js"))]
+
+
+def test_block_of_json_holds_no_end_of_a_script_and_reads_back() -> None:
+    block = json_block({"name": "</script><!--<script>&"})
+    assert not set("<>&") & set(block)
+    assert json.loads(block) == {"name": "</script><!--<script>&"}
