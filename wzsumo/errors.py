@@ -56,6 +56,10 @@ class OutputError(InputError):
     """A file or folder to which results cannot be written."""
 
 
+class WorkersLostError(InputError):
+    """The workers of a cluster can no longer be reached; what is finished is kept."""
+
+
 class SumoMissingError(InputError):
     """SUMO cannot be loaded on this machine."""
 

@@ -1,5 +1,6 @@
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from wzsumo.cli import main
 from wzsumo.commands import sweep as sweep_verbs
 from wzsumo.sweep import task_queue as engine
 from wzsumo.sweep.estimate import estimate
+from wzsumo.sweep.evaluation.study_case import StudyCase
 
 
 @pytest.fixture(autouse=True)
@@ -120,3 +122,31 @@ def test_beginning_that_several_cases_share_is_refused_with_two_of_them(
     code, _, err = run(capsys, "run", tmp_path / "study", "--case", shared, "--out", tmp_path / "out")
     assert code == 2
     assert f"{firsts.count(shared)} cases begin so" in err
+
+
+def test_sweep_whose_cases_fail_ends_with_1_and_says_that_they_can_be_tried_again(
+    study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(fleet: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
+        if any(case.scenario.crowd.used == 5 for case in cases):
+            raise RuntimeError("lost")
+        return evaluate_cases(fleet, cases)
+
+    monkeypatch.setattr(engine, "evaluate_cases", fails)
+    code, text, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out", "--json")
+    assert (code, json.loads(text)["n_failed"], json.loads(text)["n_done"]) == (1, 6, 6)
+    assert err.splitlines()[-1].startswith("wzsumo: 6 of 12 cases failed; the same command tries them again")
+    monkeypatch.setattr(engine, "evaluate_cases", evaluate_cases)
+    assert run(capsys, "sweep", study_file, "--out", tmp_path / "out")[0] == 0
+
+
+def test_sweep_without_a_possible_case_ends_with_2_and_the_reason(
+    study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(_fleet: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
+        return [{"case": case.id, "status": "REFUSED", "reason": "no traffic"} for case in cases]
+
+    monkeypatch.setattr(engine, "evaluate_cases", refused)
+    code, _, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out")
+    assert code == 2
+    assert err.splitlines()[-1].endswith("none of its 12 cases is possible, the first because: no traffic")

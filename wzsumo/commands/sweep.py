@@ -13,6 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from wzsumo.commands.arguments import add_out_folder, count
+from wzsumo.errors import SpecError
 from wzsumo.sweep.cluster import ClusterWorkers
 from wzsumo.sweep.estimate import estimate
 from wzsumo.sweep.results import RESULTS, read_results
@@ -49,9 +50,22 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         return asdict(work) | {"workers": cores, "about_s": round(work.wall_clock_s(cores), 1)}
     pool = ClusterWorkers(args.scheduler, version=code_version) if args.scheduler else LocalWorkers(cores)
     summary = run_sweep(study, args.out, workers=pool, progress=case_progress, tell=print_message)
+    if summary.n_refused == summary.n_cases:
+        reason = read_results(args.out)["reason"].iloc[0]
+        raise SpecError(f"{args.study}: none of its {summary.n_cases} cases is possible, the first because: {reason}")
     for reason, n_cases in summary.failures.items():
         print_message(f"{n_cases} case(s) failed twice: {reason}")
     return asdict(summary) | {"results": str(summary.results), "failures": dict(summary.failures)}
+
+
+def failure(figures: dict[str, Any]) -> str:
+    """Why the command as a whole has failed; "" where every case has a result."""
+    n_failed = figures.get("n_failed", 0)
+    if not n_failed:
+        return ""
+    return (
+        f"{n_failed} of {figures['n_cases']} cases failed; the same command tries them again, `run DIR --case NAME` one alone"
+    )
 
 
 def print_message(line: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from wzsumo.errors import SimulationError
+from wzsumo.errors import SimulationError, SpecError
 from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle
 from wzsumo.simulation.connection import sumo_binary
 from wzsumo.simulation.demand import CAR, TRUCK
@@ -83,10 +83,14 @@ def _write_edge_list(edges: Iterable[str], folder: Path) -> Path:
 
 
 def _traces_of_fcd(path: Path, files: SumoFiles) -> pd.DataFrame:
-    table = pq.read_table(path, columns=list(_FCD_COLUMNS)).to_pandas().rename(columns=_FCD_COLUMNS)
-    table = table[table["vehicle_id"].notna()]  # a time step without vehicles is a row of nulls
-    if table.empty:
-        raise SimulationError(f"{path}: the simulation logged no vehicle")
+    has_vehicles = set(_FCD_COLUMNS) <= set(pq.read_schema(path).names)  # SUMO names a column when it first has a value for it
+    table = pq.read_table(path, columns=list(_FCD_COLUMNS) if has_vehicles else []).to_pandas().rename(columns=_FCD_COLUMNS)
+    table = table[table["vehicle_id"].notna()] if has_vehicles else table  # a time step without vehicles is a row of nulls
+    if not has_vehicles or table.empty:
+        raise SpecError(
+            "simulation.demand: no vehicle entered the road by the end of the simulation; raise flow_vph or "
+            "duration_s, or take another seed"
+        )
     length, width = _sizes_of(table["type"], files)
     bumper = np.column_stack([table["x"], table["y"], heading_from_sumo_angle(table["angle"])])
     centre = advance(bumper, -length / 2)

@@ -7,7 +7,7 @@ from concurrent.futures import Future
 from types import TracebackType
 from typing import Any, Self
 
-from wzsumo.errors import InputError
+from wzsumo.errors import InputError, WorkersLostError
 from wzsumo.sweep.workers import TaskLost
 
 CONNECT_TIMEOUT_S = 15.0
@@ -32,6 +32,7 @@ class ClusterWorkers:
                 f"--scheduler {address}: no Dask scheduler answers there ({error}); give the address that `dask scheduler` "
                 "prints, such as tcp://10.0.0.1:8786"
             ) from None
+        self._address = address
         self._check_workers(address, version)
         self.count = sum(self._client.nthreads().values())
 
@@ -49,10 +50,23 @@ class ClusterWorkers:
             )
 
     def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
-        """The future result of `function(*args)` on one of the workers; TaskLost after `limit_s` seconds."""
+        """The future result of `function(*args)` on one of the workers; TaskLost after `limit_s` seconds.
+
+        WorkersLostError where the scheduler no longer answers.
+        """
         future: Future[Any] = Future()
-        on_cluster = self._client.submit(function, *args, pure=False, retries=0)
-        timer = threading.Timer(limit_s, lambda: on_cluster.cancel(force=True))
+        try:
+            on_cluster = self._client.submit(function, *args, pure=False, retries=0)
+        except (OSError, RuntimeError):  # the connection was closed
+            future.set_exception(self._lost())
+            return future
+        too_long = threading.Event()
+
+        def stop() -> None:
+            too_long.set()
+            on_cluster.cancel(force=True)
+
+        timer = threading.Timer(limit_s, stop)
         timer.daemon = True
         timer.start()
 
@@ -62,11 +76,21 @@ class ClusterWorkers:
                 future.set_result(done.result())
             elif done.status == "error":
                 future.set_exception(done.exception())
+            elif too_long.is_set():
+                future.set_exception(TaskLost(f"took longer than {limit_s:.0f} s and was cancelled"))
+            elif self._client.status != "running":
+                future.set_exception(self._lost())
             else:
-                future.set_exception(TaskLost(f"took longer than {limit_s:.0f} s and was cancelled, or its worker was lost"))
+                future.set_exception(TaskLost("its worker was lost"))
 
         on_cluster.add_done_callback(copy_result)
         return future
+
+    def _lost(self) -> WorkersLostError:
+        return WorkersLostError(
+            f"--scheduler {self._address}: the scheduler no longer answers; what was finished is kept: start it again, then "
+            "run the same command, which goes on with what is missing"
+        )
 
     def __enter__(self) -> Self:
         return self

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from wzsumo.case.map_method import Source
+from wzsumo.errors import WorkersLostError
 from wzsumo.sweep.evaluation.study_case import StudyCase
 from wzsumo.sweep.evaluation.tasks import evaluate_cases, simulate
 from wzsumo.sweep.store import ResultStore
@@ -68,8 +69,10 @@ class TaskQueue:
         return None
 
     def finish_task(self, task: Task, future: Future[Any]) -> list[dict[str, Any]]:
-        """The rows of the cases that this task finished, after storing what the task returned."""
+        """The rows of the cases that this task finished, after storing what the task returned. Raises WorkersLostError."""
         error = future.exception()
+        if isinstance(error, WorkersLostError):
+            raise error
         if error is not None:
             return self._retry_or_fail(task, str(error) or type(error).__name__)
         if not task.cases:

@@ -120,3 +120,13 @@ def test_map_of_before_is_evaluated_once_whatever_the_crowd_and_the_lidar_see(si
     assert {row["status"] for row in rows} == {"DONE"}
     assert len({(row["iou"], row["n_expansions"]) for row in rows}) == 1
     assert "n_equipped" not in rows[0]
+
+
+def test_traffic_without_a_vehicle_is_a_refused_case_and_not_a_failure() -> None:
+    """One vehicle an hour, over 140 s."""
+    fixed = {"simulation.demand.flow_vph": 1.0, "simulation.demand.duration_s": 140.0}
+    study = a_study(seed=[1], crowd__used=[1, 2], fixed=fixed)
+    rows = evaluate_cases(simulate(study.cases[0].scenario), study.cases)
+    assert [row["status"] for row in rows] == ["REFUSED", "REFUSED"]
+    assert {row["case"] for row in rows} == {case.id for case in study.cases}
+    assert all("no vehicle entered the road" in row["reason"] for row in rows)

@@ -47,11 +47,22 @@ NETWORK_CHANGES = (
     "corridor_co2_kg",
 )  # fmt: skip
 _FLEET = b"fleet"  # key of the fleet's summary in the metadata of the Parquet file
+_REFUSED = b"refused"  # key of the reason why there is no fleet
 _ONE_SIMULATION = threading.Lock()  # libsumo allows one per process, and a Dask worker may run several threads
 
 
 def simulate(scenario: Scenario) -> bytes:
-    """A Parquet file of the true traces in the zone, with the fleet's summary in its metadata."""
+    """A Parquet file of the true traces in the zone, with the fleet's summary in its metadata.
+
+    Where the scenario has no traffic that can be simulated, such as no vehicle at all, it holds the reason alone.
+    """
+    try:
+        return _simulated(scenario)
+    except InputError as error:
+        return parquet_bytes(pa.table({}).replace_schema_metadata({_REFUSED: str(error).encode()}))
+
+
+def _simulated(scenario: Scenario) -> bytes:
     layout = scenario.layout()
     with _ONE_SIMULATION, _in_processor_seconds() as spent, work_folder(Path(tempfile.gettempdir())) as folder:
         zone, measures = simulate_zone(scenario, layout, folder=folder, watch=Watch())
@@ -68,6 +79,8 @@ def evaluate_cases(simulated: bytes, cases: Sequence[StudyCase]) -> list[dict[st
 
     An impossible case, such as one that asks for more traces than the fleet has, gets the status REFUSED and the reason.
     """
+    if reason := pq.read_schema(io.BytesIO(simulated)).metadata.get(_REFUSED):
+        return [{"case": case.id, "status": "REFUSED", "reason": reason.decode()} for case in cases]
     over_zone, fleet = read_simulated(simulated)
     shared = _SharedWork(over_zone)
     load_kernels()  # before the clock of the first case starts
