@@ -21,6 +21,8 @@ from wzsumo.road_projection import MitredLine, mitred_line, project
 from wzsumo.spec import Spec
 from wzsumo.units import METRES_PER_FOOT, feet_from_metres
 
+MAX_ROAD_FT = 528_000.0  # 100 miles; a bound on the work that a spec can ask for, chosen by us
+MAX_POINTS = 200_000  # of a reference line, ibid.
 MAX_CHORD_ERROR_M = 0.005  # between an arc and the polyline that stands for it: a tenth of the finest map cell
 
 
@@ -169,7 +171,7 @@ class Bend(Spec):
     The radius is that of the middle of all lanes.
     """
 
-    length_ft: float = Field(gt=0)
+    length_ft: float = Field(gt=0, le=MAX_ROAD_FT)
     radius_ft: float | None = None
     # A clothoid-like transition from radius_ft (or straight) to this radius, or to a straight; None: the radius stays.
     end_radius_ft: float | Literal["straight"] | None = None
@@ -190,9 +192,11 @@ class RoadSpec(Spec):
     lane_width_ft: float = Field(12.0, ge=10, le=16)  # 12 ft: AASHTO Green Book, freeway lane; 10 ft: MUTCD 6G, narrowest
     left_shoulder_ft: float = Field(ge=0, le=30)
     right_shoulder_ft: float = Field(ge=0, le=30)
-    length_ft: float | None = Field(None, gt=0)  # of a straight road; or:
+    length_ft: float | None = Field(None, gt=0, le=MAX_ROAD_FT)  # of a straight road; or:
     alignment: tuple[Bend, ...] = ()  # straights, arcs and transitions, or:
-    reference_points_m: tuple[tuple[float, float], ...] = ()  # any real alignment: the middle of all lanes, in metres
+    reference_points_m: tuple[tuple[float, float], ...] = Field(
+        (), max_length=MAX_POINTS
+    )  # any real alignment: the middle of all lanes, in metres
     crs: str | None = None  # of those points, such as "EPSG:32617"; none: a road without a place on earth
     origin_m: tuple[float, float] = (0.0, 0.0)  # the CRS coordinates of their (0, 0)
 
@@ -235,6 +239,10 @@ class RoadSpec(Spec):
             right_shoulder=self.right_shoulder_ft * METRES_PER_FOOT,
             opposing_lanes=self.opposing_lane_count,
         )
+        if road.length > MAX_ROAD_FT * METRES_PER_FOOT:
+            raise SpecError(
+                f"the road is {feet_from_metres(road.length):.0f} ft long, at most {MAX_ROAD_FT:.0f} ft can be modelled"
+            )
         if not road.strip(0.0, road.length, -road.right_shoulder, road.left_edge).is_valid:
             raise SpecError(
                 f"the road runs across itself within its {road.length:.0f} m; shorten it, or let it turn by less than a circle"
@@ -254,7 +262,12 @@ def _line_of(alignment: tuple[Bend, ...]) -> FloatArray:
         sharpest = max(abs(start), abs(end))
         # Sagitta of a chord c on radius R: c^2 / (8 R).
         chord = np.sqrt(8 * MAX_CHORD_ERROR_M / sharpest) if sharpest else 50.0
-        n = max(1, int(np.ceil(length / min(chord, 50.0))))
+        n = max(1, int(np.ceil(length / min(chord, 50.0)))) if length < MAX_POINTS * chord else MAX_POINTS + 1
+        if sum(map(len, points)) + n > MAX_POINTS:
+            raise SpecError(
+                f"alignment: takes more than {MAX_POINTS} points, at the bend of {bend.length_ft:g} ft with radius_ft="
+                f"{bend.radius_ft}, end_radius_ft={bend.end_radius_ft}; give larger radii or shorter bends"
+            )
         middle = (np.arange(n) + 0.5) / n * length
         headings = heading + start * middle + (end - start) / (2 * length) * middle**2
         # A chord of an arc that turns by a is shorter than the arc by sin(a/2) / (a/2).

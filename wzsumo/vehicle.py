@@ -17,10 +17,10 @@ class VehicleGeometry(Spec):
     the wheelbase; the controller that follows the paper uses the paper's number.
     """
 
-    length_m: float = Field(4.64, gt=0)  # 4.6391 m in Chen et al. 2022, rounded up
-    width_m: float = Field(1.86, gt=0)  # 1.85 m between the outlines of the paper's Figure 11, rounded up
-    wheelbase_m: float = Field(2.85, gt=0)  # mid-size sedan
-    rear_overhang_m: float = Field(0.92, ge=0)  # length - wheelbase - front overhang (0.87 m)
+    length_m: float = Field(4.64, gt=0, le=30)  # 4.6391 m in Chen et al. 2022, rounded up
+    width_m: float = Field(1.86, gt=0, le=30)  # 1.85 m between the outlines of the paper's Figure 11, rounded up
+    wheelbase_m: float = Field(2.85, gt=0, le=30)  # mid-size sedan
+    rear_overhang_m: float = Field(0.92, ge=0, le=30)  # length - wheelbase - front overhang (0.87 m)
     max_steering_deg: float = Field(35.0, gt=0, lt=90)
 
     @model_validator(mode="after")

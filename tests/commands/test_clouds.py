@@ -94,8 +94,8 @@ def test_ground_command_refuses_a_bad_cloud_in_one_line(
         ("in.las", b"LASF", "unknown cloud format '.las'"),
         ("in.csv", b"", "0 point(s)"),
         ("in.csv", b"east,north,up\n1,2,3\n", "columns x, y, z"),
-        ("in.ply", b"ply\nformat\nelement vertex\nend_header\n", "cannot be read as .ply"),
-        ("in.npy", b"\x93NUMPY", "cannot be read as .npy"),
+        ("in.ply", b"ply\nformat\nelement vertex\nend_header\n", "cannot be read"),
+        ("in.npy", b"\x93NUMPY", "cannot be read"),
     ],
 )
 def test_file_that_is_no_cloud_is_refused_in_one_line(

@@ -90,7 +90,7 @@ def test_reason_of_lost_cases_is_told_on_stderr(
 
     monkeypatch.setattr(engine, "simulate", lost)
     code, text, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out", "--json")
-    assert (code, json.loads(text)["n_failed"]) == (0, 12)
+    assert (code, json.loads(text)["n_failed"]) == (1, 12)
     assert "wzsumo: 12 case(s) failed twice: simulation: no netconvert" in err
 
 

@@ -268,7 +268,7 @@ def test_folder_without_results_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no results\.parquet"):
         read_results(tmp_path)
     (tmp_path / "results.parquet").write_bytes(b"PAR1")
-    with pytest.raises(InputError, match=r"results\.parquet: damaged"):
+    with pytest.raises(InputError, match=r"results\.parquet: cannot be read"):
         read_results(tmp_path)
 
 

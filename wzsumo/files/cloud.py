@@ -1,12 +1,14 @@
 """Reads point clouds from files. Coordinates are metres in any frame."""
 
+import math
+import warnings
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from wzsumo.errors import CloudError
+from wzsumo.errors import CloudError, check_file, reading
 from wzsumo.frames import FloatArray
 from wzsumo.scan import check_cloud
 
@@ -23,16 +25,22 @@ def read_cloud(path: Path, *, at_least: int = 1) -> FloatArray:
     kind = path.suffix.lower()
     if kind not in CLOUD_FORMATS:
         raise CloudError(f"{path}: unknown cloud format {kind or '(no suffix)'!r}; known: {', '.join(CLOUD_FORMATS)}")
-    if not path.is_file():
-        raise CloudError(f"{path}: no such file; name an existing cloud ({', '.join(CLOUD_FORMATS)})")
-    try:
+    remedy = f"name an existing cloud ({', '.join(CLOUD_FORMATS)})"
+    check_file(path, error=CloudError, remedy=remedy)
+    with warnings.catch_warnings(action="ignore"), reading(path, error=CloudError, remedy=remedy):
         points = {".npy": _read_npy, ".csv": _read_csv, ".ply": _read_ply}[kind](path)
-    except (OSError, EOFError, ValueError, IndexError) as error:
-        raise CloudError(f"{path}: cannot be read as {kind} ({str(error).splitlines()[0] or error!r})") from None
     return check_cloud(points, source=str(path), at_least=at_least)
 
 
 def _read_npy(path: Path) -> npt.ArrayLike:
+    with path.open("rb") as file:
+        version = np.lib.format.read_magic(file)
+        shape, _, kind = (
+            np.lib.format.read_array_header_1_0(file) if version == (1, 0) else np.lib.format.read_array_header_2_0(file)
+        )
+        needed, held = math.prod(shape) * kind.itemsize, path.stat().st_size - file.tell()
+    if needed > held:
+        raise ValueError(f"its header says shape {shape}, of which {held} of {needed} bytes are there")
     return np.load(path, allow_pickle=False)
 
 

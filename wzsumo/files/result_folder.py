@@ -1,8 +1,8 @@
 """ResultFolder: the files of one run, as its report reads them."""
 
 import json
-import tomllib
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,20 +10,24 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import shapely
 from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.errors import InputError
+from wzsumo.errors import MAX_SHOWN, InputError, one_line, reading
 from wzsumo.files.geojson import collection_in_metres
 from wzsumo.files.ros_map import read_map
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.road import Road
+from wzsumo.spec import parse_spec, read_toml
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DEVICE_COLUMNS, SIGN_COLUMNS
 
-NEEDED_FILES = ("result.json", "layout.geojson", "traces.parquet", "mixture_sweep.csv", "mixture.json", "samples.csv")
+LAYOUT = "layout.geojson"
+REMEDY = "run the scenario again"
+NEEDED_FILES = ("result.json", LAYOUT, "traces.parquet", "mixture_sweep.csv", "mixture.json", "samples.csv")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +46,8 @@ class ResultFolder:
     @property
     def areas(self) -> list[tuple[str, float, float]]:
         """Name, start and end (stations [m]) of every area of the zone."""
-        return [(str(a["name"]), float(a["start_m"]), float(a["end_m"])) for a in self.layout["areas"]]
+        with self._reading(LAYOUT):
+            return [(str(a["name"]), float(a["start_m"]), float(a["end_m"])) for a in self.layout["areas"]]
 
     @property
     def span(self) -> tuple[float, float]:
@@ -52,21 +57,23 @@ class ResultFolder:
     @cached_property
     def polygons(self) -> dict[str, BaseGeometry]:
         """The drivable area, the closed area and the pavement."""
-        found = {f["properties"]["name"]: f["geometry"] for f in self.layout["features"]}
-        return {name: shape(found[name]) for name in ("drivable", "closed_area", "pavement")}
+        with self._reading(LAYOUT):
+            found = {f["properties"]["name"]: f["geometry"] for f in self.layout["features"]}
+            return {name: shape(found[name]) for name in ("drivable", "closed_area", "pavement")}
 
     @cached_property
     def road(self) -> Road:
         """The road that the zone is on."""
-        (line,) = [f for f in self.layout["features"] if f["properties"]["name"] == "reference_line"]
-        section = line["properties"]
-        return Road(
-            reference_line=np.array(line["geometry"]["coordinates"], dtype=float),
-            lane_widths=tuple(section["lane_widths_m"]),
-            left_shoulder=section["left_shoulder_m"],
-            right_shoulder=section["right_shoulder_m"],
-            opposing_lanes=section["opposing_lanes"],
-        )
+        with self._reading(LAYOUT):
+            (line,) = [f for f in self.layout["features"] if f["properties"]["name"] == "reference_line"]
+            section = line["properties"]
+            return Road(
+                reference_line=np.array(line["geometry"]["coordinates"], dtype=float),
+                lane_widths=tuple(section["lane_widths_m"]),
+                left_shoulder=section["left_shoulder_m"],
+                right_shoulder=section["right_shoulder_m"],
+                opposing_lanes=section["opposing_lanes"],
+            )
 
     @cached_property
     def devices(self) -> pd.DataFrame:
@@ -92,37 +99,42 @@ class ResultFolder:
     @cached_property
     def used_traces(self) -> pd.DataFrame:
         """The fixes of which the maps were made."""
-        traces = pd.read_parquet(self.folder / "traces.parquet")
-        return traces[traces["used"].astype(bool)]
+        with self._reading("traces.parquet"):
+            traces = pd.read_parquet(self.folder / "traces.parquet")
+            return traces[traces["used"].astype(bool)]
 
     @property
     def vehicle(self) -> VehicleGeometry:
         """The ego's outline in the run's scenario.toml."""
-        spec = self.folder / "scenario.toml"
-        table = tomllib.loads(spec.read_text(encoding="utf-8")) if spec.exists() else {}
-        return VehicleGeometry.model_validate(table.get("vehicle", {}))
+        path = self.folder / "scenario.toml"
+        table = read_toml(path).get("vehicle", {}) if path.exists() else {}
+        return parse_spec(VehicleGeometry, table, source=f"{path}, vehicle")
 
     @property
     def mixtures_tried(self) -> pd.DataFrame:
         """n_components, log_likelihood, aic and bic of every mixture that was fitted."""
-        return pd.read_csv(self.folder / "mixture_sweep.csv")
+        with self._reading("mixture_sweep.csv"):
+            return pd.read_csv(self.folder / "mixture_sweep.csv")
 
     @property
     def mixture(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Weights (k,), means (k, 2) [m] and covariances (k, 2, 2) [m^2] of the chosen mixture, in stations and offsets."""
-        mixture = json.loads((self.folder / "mixture.json").read_text(encoding="utf-8"))
-        return np.array(mixture["weights"]), np.array(mixture["means"]), np.array(mixture["covariances"])
+        with self._reading("mixture.json"):
+            mixture = json.loads((self.folder / "mixture.json").read_text(encoding="utf-8"))
+            weights, means, covariances = (np.array(mixture[name], dtype=float) for name in ("weights", "means", "covariances"))
+            k = len(weights)
+            return weights.reshape(k), means.reshape(k, 2), covariances.reshape(k, 2, 2)
 
     @property
     def samples(self) -> pd.DataFrame:
         """x_m and y_m of the points drawn from the mixture."""
-        return pd.read_csv(self.folder / "samples.csv")
+        with self._reading("samples.csv"):
+            return pd.read_csv(self.folder / "samples.csv")
 
     @cached_property
     def traffic_cells(self) -> pd.DataFrame | None:
         """time_s, station_m, flow_vph, density_vpkm and speed_mps of every space-time cell; None where not measured."""
-        path = self.folder / "traffic" / "cells.parquet"
-        return pd.read_parquet(path) if path.exists() else None
+        return self._table("traffic/cells.parquet")
 
     @cached_property
     def network_edges(self) -> pd.DataFrame | None:
@@ -140,16 +152,15 @@ class ResultFolder:
 
     def path_of(self, method: str) -> pd.DataFrame | None:
         """The planned path of a method (rear axle), None where none was found."""
-        return _table(self.folder / "paths" / f"{method}.csv")
+        return self._table(f"paths/{method}.csv")
 
     def drive_of(self, method: str) -> pd.DataFrame | None:
         """The ego's log of the drive on a method's path, None where it did not drive."""
-        return _table(self.folder / "drives" / f"{method}.csv")
+        return self._table(f"drives/{method}.csv")
 
     def drive_traffic_of(self, method: str) -> pd.DataFrame | None:
         """The trace table of the vehicles near the ego on that drive, None where it did not drive."""
-        path = self.folder / "drives" / f"{method}_traffic.parquet"
-        return pd.read_parquet(path) if path.exists() else None
+        return self._table(f"drives/{method}_traffic.parquet")
 
     def truth_on(self, grid: OccupancyGrid) -> tuple[BoolArray, BoolArray]:
         """Cells (rows, cols) of `grid` within the zone, and those of them that are drivable by the layout."""
@@ -157,13 +168,27 @@ class ResultFolder:
         zone = cells_inside(grid, road.strip(*self.span, -road.right_shoulder - margin, road.left_edge + margin))
         return zone, cells_inside(grid, self.polygons["drivable"]) & zone
 
+    def _reading(self, name: str) -> AbstractContextManager[None]:
+        """InputError, which names the file, in the place of what its reader raises."""
+        return reading(self.folder / name, error=InputError, remedy=REMEDY, also=(pa.ArrowException,))
+
+    def _table(self, name: str) -> pd.DataFrame | None:
+        """The table of a CSV or Parquet file of the folder; None where there is no such file."""
+        path = self.folder / name
+        if not path.exists():
+            return None
+        with self._reading(name):
+            return pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
+
     def _points(self, name: str, columns: tuple[str, ...]) -> pd.DataFrame:
-        rows = [
-            f["properties"] | dict(zip(("x_m", "y_m"), f["geometry"]["coordinates"], strict=True))
-            for f in self.layout["features"]
-            if f["properties"]["name"] == name
-        ]
-        return pd.DataFrame(rows, columns=list(columns))
+        with self._reading(LAYOUT):
+            rows = [
+                f["properties"] | dict(zip(("x_m", "y_m"), f["geometry"]["coordinates"], strict=True))
+                for f in self.layout["features"]
+                if f["properties"]["name"] == name
+            ]
+            table = pd.DataFrame(rows, columns=list(columns))
+            return table.astype({column: float for column in columns if column.endswith(("_m", "_rad"))})
 
 
 def read_result_folder(folder: Path) -> ResultFolder:
@@ -171,22 +196,21 @@ def read_result_folder(folder: Path) -> ResultFolder:
     missing = [name for name in NEEDED_FILES if not (folder / name).is_file()]
     if missing:
         raise InputError(f"{folder}: {', '.join(missing)} missing; a report needs the folder that `wzsumo run` wrote")
-    result, layout = (_json_object(folder / name) for name in ("result.json", "layout.geojson"))
-    features = {feature["properties"]["name"] for feature in layout.get("features") or []}
+    result, layout = (_json_object(folder / name) for name in ("result.json", LAYOUT))
+    with reading(folder / LAYOUT, error=InputError, remedy=REMEDY):
+        features = {feature["properties"]["name"] for feature in layout.get("features") or []}
+        placed = collection_in_metres(layout)
     if not layout.get("areas") or not features >= {"drivable", "closed_area", "pavement", "reference_line"}:
-        raise InputError(f"{folder / 'layout.geojson'}: areas or features missing; run the scenario again")
-    return ResultFolder(folder=folder, result=result, layout=collection_in_metres(layout))
+        raise InputError(f"{folder / LAYOUT}: areas or features missing; run the scenario again")
+    return ResultFolder(folder=folder, result=result, layout=placed)
 
 
 def _json_object(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: not JSON ({error}); run the scenario again") from None
+    except (OSError, ValueError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else one_line(str(error), limit=MAX_SHOWN)
+        raise InputError(f"{path}: not JSON ({reason}); {REMEDY}") from None
     if not isinstance(content, dict):
-        raise InputError(f"{path}: a JSON object is needed, given: {type(content).__name__}; run the scenario again")
+        raise InputError(f"{path}: a JSON object is needed, given: {type(content).__name__}; {REMEDY}")
     return content
-
-
-def _table(path: Path) -> pd.DataFrame | None:
-    return pd.read_csv(path) if path.exists() else None

@@ -35,13 +35,13 @@ class MapSpec(Spec):
     """The size of the cells, and how far the map reaches beyond the pavement."""
 
     resolution_m: float = Field(0.127, gt=0, le=1)  # 5 in, the sample of Chen et al. 2022
-    margin_m: float = Field(2.0, ge=0)  # beyond the pavement's edges
+    margin_m: float = Field(2.0, ge=0, le=1000)  # beyond the pavement's edges
 
     def checked(self, ground: Polygon) -> Polygon:
         """The ground to be mapped. Raises SpecError where it has more cells than the planner takes."""
         left, low, right, high = ground.bounds
         width, height = right - left, high - low
-        n_cells = width * height / self.resolution_m**2
+        n_cells = width / self.resolution_m * (height / self.resolution_m)  # the square of a tiny edge is 0
         if n_cells <= MAX_PLANNING_CELLS:
             return ground
         coarser = math.ceil(100 * math.sqrt(width * height / MAX_PLANNING_CELLS)) / 100

@@ -23,17 +23,17 @@ class DemandSpec(Spec):
     """The traffic that arrives at the road's start, and its drivers."""
 
     # All lanes together; well below what two open lanes discharge (HCM 7: about 1,800 pc/h each).
-    flow_vph: float = Field(1500.0, gt=0)
+    flow_vph: float = Field(1500.0, gt=0, le=50_000)
     flow_profile: tuple[tuple[float, float], ...] = ()  # (from this time [s], veh/h), instead of flow_vph
-    opposing_flow_vph: float = Field(0.0, ge=0)  # the other direction of a two-way road, all its lanes together
+    opposing_flow_vph: float = Field(0.0, ge=0, le=50_000)  # the other direction of a two-way road, all its lanes together
     truck_share: float = Field(0.10, ge=0, lt=1)  # of the order of the HCM's default for freeways
     lane_use: tuple[float, ...] = ()  # share of vehicles by lane at the road's start from the right; empty: even
-    duration_s: float = Field(1200.0, gt=0)
+    duration_s: float = Field(1200.0, gt=0, le=86_400)
     # From then on flows are counted and the ego may depart: the slowest vehicle has passed the road (1.8 km at 21 m/s: 87 s).
     warm_up_s: float = Field(120.0, ge=0)
     speed_factor_sd: float = Field(0.1, ge=0, le=0.5)  # SUMO's default for passenger cars
     lateral_sd_m: float = Field(0.2, ge=0, le=1)  # between drivers, of the place in the lane that each aims at
-    lateral_wander: float = Field(0.08, ge=0)  # SUMO's lcSigma: how far a driver strays from that place
+    lateral_wander: float = Field(0.08, ge=0, le=10)  # SUMO's lcSigma: how far a driver strays from that place
     # From how far ahead of the closing lane's end drivers look for a gap, uniformly between these two. At 4.5 m/s2 a car stops
     # from 27 m/s within some 80 m, so the nearest leaves room to stop; the farthest is within the road of most zones.
     merge_ahead_m: tuple[float, float] = (100.0, 500.0)

@@ -27,7 +27,7 @@ class SimulationSpec(Spec):
     """How SUMO runs: its step, its lateral resolution and the demand."""
 
     step_length_s: float = Field(
-        0.1, gt=0, le=1
+        0.1, ge=0.01, le=1
     )  # drivers act, and positions are logged, at these 10 Hz; drivers are fitted at it
     lateral_resolution_m: float = Field(0.45, ge=0.1, le=2)  # SUMO's sublanes: an eighth of a 12 ft lane
     demand: DemandSpec = DemandSpec()

@@ -10,7 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from wzsumo.errors import InputError
+from wzsumo.errors import InputError, reading
 from wzsumo.files.output import parquet_bytes, write_whole
 from wzsumo.sweep.evaluation.study_case import StudyCase
 
@@ -186,14 +186,14 @@ def read_results(folder: Path | str) -> pd.DataFrame:
     path = Path(folder) / RESULTS
     if not path.is_file():
         raise InputError(f"{folder}: holds no {RESULTS}; name the --out folder of a `wzsumo sweep`")
-    try:
+    remedy = "run the sweep again, which writes it anew from what is finished"
+    with reading(path, error=InputError, remedy=remedy, also=(pa.ArrowException,)):
         table = pq.read_table(path, page_checksum_verification=True)
-    except (OSError, pa.ArrowException) as error:
-        raise InputError(
-            f"{path}: damaged ({error}); run the sweep again, which writes it anew from what is finished"
-        ) from None
-    frame = table.to_pandas()
-    frame.attrs["factors"] = json.loads((table.schema.metadata or {}).get(b"factors", b"[]"))
+        frame = table.to_pandas()
+        frame.attrs["factors"] = json.loads((table.schema.metadata or {}).get(b"factors", b"[]"))
+    missing = ({*CASE_COLUMNS, *MEASURED_COLUMNS, *frame.attrs["factors"]} - {"clean"}).difference(frame.columns)
+    if missing:
+        raise InputError(f"{path}: is no table of a sweep, {', '.join(sorted(map(str, missing))[:3])} missing; {remedy}")
     return frame
 
 

@@ -22,12 +22,13 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from wzsumo.errors import OutputError
+from wzsumo.errors import OutputError, reading
 from wzsumo.files.output import parquet_bytes, refuse_links, write_whole
 from wzsumo.files.work_folder import remove_leftovers
 from wzsumo.sweep.results import BATCH_SCHEMA
 from wzsumo.sweep.study_file import Study, study_of
 
+DAMAGED_MANIFEST = "delete this file, then the sweep goes on with what is finished"
 FORMAT = 1  # version of the folder's layout
 MANIFEST = "study.json"
 FOLDERS = ("batches", "simulations")
@@ -77,7 +78,7 @@ class ResultStore:
 
     def _read_intact(self, path: Path) -> bytes | None:
         """The content of a file; None, after renaming it, where it does not match the hash in its name."""
-        content = path.read_bytes()
+        content = path.read_bytes() if path.is_file() else b""
         if path.name.endswith(f"{_hash(content)}.parquet"):
             return content
         renamed = path.with_suffix(".damaged")
@@ -119,7 +120,9 @@ def read_study(folder: Path) -> Study:
     path = folder / MANIFEST
     if not path.is_file():
         raise OutputError(f"{folder}: holds no {MANIFEST}; name the --out folder of a `wzsumo sweep`")
-    return study_of(_manifest(path), source=str(path))
+    manifest = _manifest(path)
+    with reading(path, error=OutputError, remedy=DAMAGED_MANIFEST):
+        return study_of(manifest, source=str(path))
 
 
 def _refuse_foreign(folder: Path, study: Study) -> None:
@@ -136,12 +139,10 @@ def _refuse_foreign(folder: Path, study: Study) -> None:
 
 
 def _manifest(path: Path) -> dict[str, Any]:
-    try:
+    with reading(path, error=OutputError, remedy=DAMAGED_MANIFEST):
         manifest: dict[str, Any] = json.loads(path.read_bytes())
-    except ValueError as error:
-        raise OutputError(
-            f"{path}: damaged ({error}); delete this file, then the sweep goes on with what is finished"
-        ) from None
+    if not isinstance(manifest, dict) or not {"name", "study", "scenarios"} <= manifest.keys():
+        raise OutputError(f"{path}: damaged (no study in it); {DAMAGED_MANIFEST}")
     if manifest.get("format") != FORMAT:
         raise OutputError(
             f"{path}: written by another version of wzsumo (format {manifest.get('format')}, this one reads {FORMAT}); "

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -12,11 +13,12 @@ from typing import Any
 from pydantic import Field, ValidationError
 
 from wzsumo.case.methods import METHODS
-from wzsumo.errors import SpecError
+from wzsumo.errors import SpecError, shown
 from wzsumo.scenario.scenario import FITTING_SECTIONS, Scenario, load_scenario, misfits_of
-from wzsumo.spec import Spec, describe_mistakes, known_keys, parse_spec, read_toml
+from wzsumo.spec import MAX_MISTAKES, Spec, describe_mistakes, known_keys, parse_spec, read_toml
 from wzsumo.sweep.evaluation.study_case import StudyCase
 
+MAX_CASES = 200_000  # a case takes some 5 kB and 2 ms before it begins; chosen by us
 Keys = dict[str, Any]  # dotted scenario key -> value
 
 
@@ -70,8 +72,14 @@ def study_of(content: Mapping[str, Any], *, source: str) -> Study:
     unknown = [name for name in spec.methods if name not in METHODS]
     mistakes = [f"methods: {name}: unknown; known methods: {', '.join(METHODS)}" for name in unknown]
     mistakes += _wrong_factors(fixed, grid, combinations)
+    n_points = math.prod(len(values) for values in grid.values() if isinstance(values, list)) * max(len(combinations), 1)
+    n_cases = n_points * len(spec.scenarios) * len(spec.methods)
+    if n_cases > MAX_CASES:
+        mistakes.append(
+            f"grid: makes {n_cases} cases or more, at most {MAX_CASES} make one study; give fewer values, or several studies"
+        )
     if mistakes:
-        raise SpecError("; ".join(f"{source}: {mistake}" for mistake in mistakes))
+        raise SpecError("; ".join(f"{source}: {mistake}" for mistake in mistakes[:MAX_MISTAKES]))
     points = [fixed | entry | point for entry in combinations or [{}] for point in _points(grid)]
     cases = _cases(spec, content["scenarios"], points, varied=_varied(grid, combinations), source=source)
     return Study(spec=spec, content=content, cases=cases)
@@ -101,7 +109,8 @@ def _grid(table: Mapping[str, Any]) -> Keys:
     grid = _flat({key: value for key, value in table.items() if key != "seed"})
     seed = table.get("seed")
     if isinstance(seed, Mapping) and seed.keys() == {"first", "count"} and all(isinstance(n, int) for n in seed.values()):
-        seed = list(range(seed["first"], seed["first"] + seed["count"]))
+        count = min(seed["count"], MAX_CASES + 1)  # of more it is not made
+        seed = list(range(seed["first"], seed["first"] + count))
     return grid if seed is None else {"seed": seed} | grid
 
 
@@ -110,11 +119,11 @@ def _wrong_factors(fixed: Keys, grid: Keys, combinations: list[Keys]) -> list[st
     mistakes = [] if varies else ["grid: empty, so nothing varies; give at least one factor, such as seed = [21, 22]"]
     for key, values in grid.items():
         if not isinstance(values, list):
-            mistakes.append(f"grid.{key}={values!r}: must be a list of values (seed may be {{ first = 21, count = 10 }})")
+            mistakes.append(f"grid.{key}={shown(values)}: must be a list of values (seed may be {{ first = 21, count = 10 }})")
         elif not values:
             mistakes.append(f"grid.{key}: an empty list makes no case; give values or leave the factor out")
-        elif len({json.dumps(value) for value in values}) < len(values):
-            mistakes.append(f"grid.{key}={values}: a value is there twice; give each once")
+        elif len({json.dumps(value, default=str) for value in values}) < len(values):
+            mistakes.append(f"grid.{key}={shown(values)}: a value is there twice; give each once")
     named = [("fixed", fixed), ("grid", grid), *((f"combinations[{n}]", entry) for n, entry in enumerate(combinations))]
     mistakes += [f"{where}.{key}: {wrong}" for where, keys in named for key in keys if (wrong := _unknown_key(key))]
     for key, count in Counter([*fixed, *grid, *{key for entry in combinations for key in entry}]).items():
@@ -182,7 +191,7 @@ class _ScenarioParser:
     def scenario(self, base: Keys, point: Keys) -> Scenario | None:
         """The scenario at a point of the grid; None, after adding to `mistakes`, where it is wrong."""
         content = _with(base, _completed(point))
-        texts = {key: f"{key} {json.dumps(value)}" for key, value in content.items()}
+        texts = {key: f"{key} {json.dumps(value, default=str)}" for key, value in content.items()}
         try:
             scenario = Scenario.model_validate({key: self._sections.get(texts[key], value) for key, value in content.items()})
             self._sections |= {text: getattr(scenario, key) for key, text in texts.items()}

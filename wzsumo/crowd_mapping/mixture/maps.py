@@ -35,7 +35,7 @@ class MixtureSpec(Spec):
     # Set on our simulated traffic: of 0.001, 0.05, 0.1 and 0.25 m the highest precision before recall falls (seven zones).
     least_sd_m: float = Field(0.05, gt=0, le=1)
     criterion: str = Field("bic", pattern="^(bic|aic)$")  # ibid.: "the lowest AIC and BIC"
-    n_samples: int = Field(5000, ge=1)  # ibid.
+    n_samples: int = Field(5000, ge=1, le=1_000_000)  # ibid.
     mass_share: float = Field(0.95, gt=0, lt=1)  # ibid.: samples within the 95 % confidence interval
     literal_square_m: float = Field(0.127, gt=0)  # ibid.: 5 by 5 inch
     square_m: float = Field(1.524, gt=0)  # 5 by 5 FOOT: the smallest round size that joins the samples

@@ -1,0 +1,191 @@
+"""Runs odd inputs through the command line, each in a process of its own with bounded memory and time; counts how they end.
+
+    .venv/bin/python analysis/fuzz/fuzz.py --inputs 3000 --seed 1 --out results/fuzz
+
+Input N of seed S is the same in every run: --only N makes it again and shows what it says. An input passes where it ends
+with 0, or with 2 and one line of printable characters, within 60 s of processor time and 4 GiB of address space beyond what the start
+takes, and leaves nothing half-written. Everything else is kept in OUT/failures.
+"""
+
+import argparse
+import contextlib
+import csv
+import io
+import os
+import random
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from inputs import KINDS, REPOSITORY
+
+LIMIT_S, LIMIT_BYTES = 60, 4 * 2**30
+MAX_LINE = 4200  # characters of the one line
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--inputs", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kind", choices=list(KINDS))
+    parser.add_argument("--only", type=int)
+    parser.add_argument("--out", type=Path, default=Path("results/fuzz"))
+    args = parser.parse_args()
+    numbers = range(args.inputs) if args.only is None else [args.only]
+    rows = fuzz(numbers, seed=args.seed, kind=args.kind, out=args.out, tells=args.only is not None)
+    print(*(",".join(map(str, row)) for row in rows), sep="\n")
+    sys.exit(any(row[1] not in {"done", "refused", "kind"} for row in rows[1:] if "total" not in row))
+
+
+def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = False) -> list[tuple[Any, ...]]:
+    """Rows (kind, ending, inputs, largest memory MB, longest s), written to OUT/counts.csv; failures to OUT/failures."""
+    import wzsumo.commands.layout  # everything that commands load, once, before the processes part
+    import wzsumo.commands.map
+    import wzsumo.commands.place
+    import wzsumo.commands.run
+    import wzsumo.commands.sweep  # noqa: F401
+
+    (out / "failures").mkdir(parents=True, exist_ok=True)
+    counts: Counter[tuple[str, str]] = Counter()
+    most: dict[tuple[str, str], tuple[float, float]] = {}
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as base:
+        templates = _templates((out / "templates").resolve())
+        for number in numbers:
+            name = kind or list(KINDS)[number % len(KINDS)]
+            chance = random.Random(f"{seed} {number} {name}")  # noqa: S311 - no secret
+            ending, said, used = _tried(name, chance, Path(base), templates)
+            counts[name, ending] += 1
+            before = most.get((name, ending), (0.0, 0.0))
+            most[name, ending] = max(before[0], used[0]), max(before[1], used[1])
+            if tells or ending not in {"done", "refused"}:
+                (out / "failures" / f"{seed}_{number}.txt").write_text(
+                    f"{name}: {ending}\n{said}", encoding="utf-8", errors="replace"
+                )
+            if tells:
+                print(said)
+    rows = [(name, ending, counts[name, ending], *(round(x, 1) for x in most[name, ending])) for name, ending in sorted(counts)]
+    table = [("kind", "ending", "inputs", "largest_mb", "longest_s"), *rows]
+    with (out / "counts.csv").open("w", newline="") as file:
+        csv.writer(file).writerows(table)
+    return table
+
+
+def _templates(base: Path) -> dict[str, Path]:
+    """Folders that kinds of input begin with: a run's, a study's, a layout's; made where they are not there yet."""
+    base.mkdir(exist_ok=True)
+    found = {}
+    for name, folder in (("run's folder", "run"), ("study's folder", "study"), ("lanes", "layout")):
+        target = found[name] = base / folder
+        if target.exists():
+            continue
+        words = {
+            "run": ["run", _small_scenario(base), "--method", "swept", "--out", str(target)],
+            "study": ["sweep", _small_study(base), "--workers", "1", "--out", str(target)],
+            "layout": ["layout", str(REPOSITORY / "scenarios" / "paper.toml"), "--out", str(target)],
+        }[folder]
+        code, said, _ = _in_process(words, limits=False)
+        assert code == 0, said
+    return found
+
+
+def _small_scenario(base: Path) -> str:
+    text = (REPOSITORY / "scenarios" / "paper.toml").read_text()
+    changes = {"duration_s": "300", "penetration": "0.5", "collected": "6"}
+    lines = [
+        next((f"{key} = {value}" for key, value in changes.items() if line.startswith(f"{key} =")), line)
+        for line in text.splitlines()
+    ]
+    (base / "small.toml").write_text("\n".join(lines))
+    return str(base / "small.toml")
+
+
+def _small_study(base: Path) -> str:
+    _small_scenario(base)
+    head = 'name = "small"\nscenarios = ["small.toml"]\nmethods = ["swept", "lanes"]\n'
+    (base / "study.toml").write_text(head + "[grid]\nseed = [1, 2]\ncrowd.used = [2, 5]\n")
+    return str(base / "study.toml")
+
+
+def _tried(kind: str, rng: random.Random, base: Path, templates: dict[str, Path]) -> tuple[str, str, tuple[float, float]]:
+    """(how an input ended, what it said, (memory MB, s))."""
+    folder = base / "input"
+    shutil.rmtree(folder, ignore_errors=True)
+    if kind in templates:
+        shutil.copytree(templates[kind], folder)
+    else:
+        folder.mkdir()
+    words = KINDS[kind](rng, folder)
+    began = time.monotonic()
+    code, said, memory_mb = _in_process(words, limits=True, cwd=folder)
+    took = time.monotonic() - began
+    told = f"{' '.join(words)[:600]}\nexit {code}, {memory_mb:.0f} MB, {took:.1f} s\n{said}"
+    return _ending(code, said, folder), told, (memory_mb, took)
+
+
+def _ending(code: int, said: str, folder: Path) -> str:
+    if "Traceback" in said:
+        return "traceback"
+    if code < 0:
+        return "too slow" if -code in {signal.SIGALRM, signal.SIGXCPU} else f"killed by {signal.Signals(-code).name}"
+    if any("wzsumo-unfinished" in path.name for path in folder.rglob("*")):
+        return "half-written"
+    if code == 0:
+        return "done"
+    lines = [line for line in said.splitlines() if line.startswith("wzsumo: ")]
+    rest = said.split("wzsumo: ", 1)[-1]
+    if code == 2 and lines and rest.count("\n") == 1 and len(rest) < MAX_LINE and rest.rstrip("\n").isprintable():
+        return "refused"
+    return f"exit {code}, not in one line"
+
+
+def _in_process(words: list[str], *, limits: bool, cwd: Path | None = None) -> tuple[int, str, float]:
+    """(exit code or -signal, what it said on stderr, largest memory [MB]) of a command in a forked process."""
+    from wzsumo.cli import main as wzsumo
+
+    with tempfile.TemporaryFile() as said:
+        child = os.fork()
+        if child == 0:
+            code = 70
+            try:
+                os.setsid()
+                os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+                os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+                os.dup2(said.fileno(), 2)
+                sys.stdout, sys.stderr = (
+                    io.TextIOWrapper(os.fdopen(1, "wb")),
+                    io.TextIOWrapper(os.fdopen(2, "wb"), write_through=True),
+                )
+                if cwd is not None:
+                    os.chdir(cwd)
+                if limits:
+                    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+                    resource.setrlimit(resource.RLIMIT_AS, (used + LIMIT_BYTES, used + LIMIT_BYTES))
+                    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S + 5))
+                    signal.alarm(10 * LIMIT_S)  # whatever waits for ever
+                wzsumo(words)
+            except SystemExit as ended:
+                code = int(ended.code or 0)
+            except BaseException:  # noqa: BLE001 - it is what is looked for
+                import traceback
+
+                traceback.print_exc()
+            finally:
+                with contextlib.suppress(Exception):
+                    sys.stderr.flush()
+                os._exit(code)
+        _, status, usage = os.wait4(child, 0)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+        said.seek(0)
+        text = said.read(200_000).decode("utf-8", "replace")
+    return os.waitstatus_to_exitcode(status), text, usage.ru_maxrss / 1024
+
+
+if __name__ == "__main__":
+    main()
