@@ -3,8 +3,8 @@
     .venv/bin/python analysis/fuzz/fuzz.py --inputs 3000 --seed 1 --out results/fuzz
 
 Input N of seed S is the same in every run: --only N makes it again and shows what it says. An input passes where it ends
-with 0, or with 2 and one line of printable characters, within 60 s of processor time and 4 GiB of address space beyond what the start
-takes, and leaves nothing half-written. Everything else is kept in OUT/failures.
+with 0, or with 2 and one line of printable characters, within 60 s of processor time and 4 GiB of address space beyond what the
+start takes, and leaves nothing half-written. Everything else is kept in OUT/failures.
 """
 
 import argparse

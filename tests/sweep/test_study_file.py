@@ -1,11 +1,12 @@
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sweep_trials import PAPER, a_study
 
 from wzsumo.errors import SpecError
-from wzsumo.sweep.study_file import load_study
+from wzsumo.sweep.study_file import load_study, study_of
 
 
 def refused(tmp_path: Path, text: str) -> str:
@@ -153,3 +154,17 @@ def test_base_scenario_that_is_not_there_is_named(tmp_path: Path) -> None:
     path.write_text('name = "s"\nscenarios = ["missing.toml"]\nmethods = ["swept"]\n[grid]\nseed = [1]\n')
     with pytest.raises(SpecError, match=r"missing\.toml: no such file"):
         load_study(path)
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [
+        {"seed": {"first": 1, "count": 10**9}},
+        {"seed": {"first": 1, "count": 10**30}},
+        {"seed": list(range(3000)), "crowd": {"used": list(range(1, 3000))}},
+    ],
+)
+def test_study_of_millions_of_cases_is_refused_before_they_are_made(grid: dict[str, Any]) -> None:
+    content = {"name": "s", "scenarios": ["p.toml"], "methods": ["swept"], "grid": grid}
+    with pytest.raises(SpecError, match="cases or more, at most 200000 make one study"):
+        study_of({"study": content, "scenarios": {"p.toml": {}}}, source="s.toml")

@@ -1,6 +1,7 @@
 """Reads point clouds from files. Coordinates are metres in any frame."""
 
 import math
+import tokenize
 import warnings
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def read_cloud(path: Path, *, at_least: int = 1) -> FloatArray:
         raise CloudError(f"{path}: unknown cloud format {kind or '(no suffix)'!r}; known: {', '.join(CLOUD_FORMATS)}")
     remedy = f"name an existing cloud ({', '.join(CLOUD_FORMATS)})"
     check_file(path, error=CloudError, remedy=remedy)
-    with warnings.catch_warnings(action="ignore"), reading(path, error=CloudError, remedy=remedy):
+    with warnings.catch_warnings(action="ignore"), reading(path, error=CloudError, remedy=remedy, also=(tokenize.TokenError,)):
         points = {".npy": _read_npy, ".csv": _read_csv, ".ply": _read_ply}[kind](path)
     return check_cloud(points, source=str(path), at_least=at_least)
 
