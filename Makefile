@@ -1,7 +1,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup scenario baselines sweep report test mutants bench lock clean
+.PHONY: help setup scenario baselines sweep report test fuzz mutants bench lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -36,6 +36,11 @@ test: setup  ## lint, types and tests; stops at the first stage that fails and n
 	run $(BIN)/ruff format --check . >&2; \
 	run $(BIN)/mypy >&2; \
 	export $(ONE_THREAD); run $(BIN)/pytest -n 2
+
+INPUTS ?= 3000
+SEED ?= 1
+fuzz: setup  ## damaged and odd inputs through the command line, counted by how they end: INPUTS=3000 SEED=1
+	@$(ONE_THREAD) $(BIN)/python analysis/fuzz/fuzz.py --inputs $(INPUTS) --seed $(SEED) --out results/fuzz
 
 FOLDER ?= wzsumo/behaviour
 mutants: setup  ## share of small changes of FOLDER's code that its tests notice: FOLDER=wzsumo/mutcd [SAMPLE=100] [TESTS=tests/case] [JOBS=2]

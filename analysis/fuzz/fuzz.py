@@ -55,7 +55,8 @@ def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = 
     counts: Counter[tuple[str, str]] = Counter()
     most: dict[tuple[str, str], tuple[float, float]] = {}
     with tempfile.TemporaryDirectory(prefix="fuzz-") as base:
-        templates = _templates((out / "templates").resolve())
+        needed = [kind] if kind else list(KINDS)
+        templates = _templates((out / "templates").resolve(), needed)
         for number in numbers:
             name = kind or list(KINDS)[number % len(KINDS)]
             chance = random.Random(f"{seed} {number} {name}")  # noqa: S311 - no secret
@@ -76,13 +77,13 @@ def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = 
     return table
 
 
-def _templates(base: Path) -> dict[str, Path]:
+def _templates(base: Path, kinds: list[str]) -> dict[str, Path]:
     """Folders that kinds of input begin with: a run's, a study's, a layout's; made where they are not there yet."""
     base.mkdir(exist_ok=True)
     found = {}
     for name, folder in (("run's folder", "run"), ("study's folder", "study"), ("lanes", "layout")):
         target = found[name] = base / folder
-        if target.exists():
+        if target.exists() or name not in kinds:
             continue
         words = {
             "run": ["run", _small_scenario(base), "--method", "swept", "--out", str(target)],
