@@ -70,6 +70,13 @@ def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = 
                 )
             if tells:
                 print(said)
+            _written(counts, most, out)  # what is counted stays where the run is stopped
+    return _written(counts, most, out)
+
+
+def _written(
+    counts: "Counter[tuple[str, str]]", most: dict[tuple[str, str], tuple[float, float]], out: Path
+) -> list[tuple[Any, ...]]:
     rows = [(name, ending, counts[name, ending], *(round(x, 1) for x in most[name, ending])) for name, ending in sorted(counts)]
     table = [("kind", "ending", "inputs", "largest_mb", "longest_s"), *rows]
     with (out / "counts.csv").open("w", newline="") as file:

@@ -2,6 +2,7 @@
 
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -184,3 +185,18 @@ def test_path_for_a_speed_of_next_to_nothing_is_planned_by_the_steering_alone(
     assert stopped.value.code == 0
     assert np.isfinite(pd.read_csv(tmp_path / "p.csv").to_numpy()).all()
     assert "FOUND" in capsys.readouterr().out
+
+
+def test_disk_that_fills_up_while_sumo_writes_is_told_in_one_line_and_nothing_is_left(tmp_path: Path) -> None:
+    """A limit on the size of files stands for the full disk; SUMO inherits it."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
+
+    process = started("run", PAPER, "--out", tmp_path / "out", "--method", "swept", folder=tmp_path, preexec_fn=limit)
+    _, err = process.communicate()
+    told = err.decode().replace("\r", "\n").splitlines()
+    assert process.returncode == 2, told
+    assert told[-1].startswith(f"wzsumo: {tmp_path / 'out'}: the disk is full; nothing was changed there")
+    assert b"Traceback" not in err
+    assert [path.name for path in tmp_path.rglob("*")] == ["tmp"]

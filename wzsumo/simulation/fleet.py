@@ -1,5 +1,9 @@
 """Traces of the whole fleet: a simulation by SUMO's binary from start to end, logged by its own FCD output (Parquet)."""
 
+import errno
+import os
+import shutil
+import signal
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable
@@ -17,6 +21,7 @@ from wzsumo.simulation.edge_records import edge_record_options
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.trips import TRIP_OPTIONS, trips_file
 
+LEAST_FREE_BYTES = 100_000  # with less, the disk counts as full
 _STEP_LOG_PREFIX = "Step #"  # SUMO prints it before the simulated time
 _FCD_COLUMNS = {
     "timestep_time": "time_s",
@@ -56,7 +61,7 @@ def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callabl
     """Run the simulation of `files` to its end, with further options of SUMO's such as its outputs.
 
     `on_second` is called with the time [s] from the beginning about once a simulated second.
-    Raises SimulationError where SUMO fails.
+    Raises SimulationError where SUMO fails, OSError where the disk is full.
     """
     steps_a_second = max(1, round(1 / files.step_length))
     log = ("--no-step-log", "false", "--step-log.period", str(steps_a_second), "--no-warnings")
@@ -66,11 +71,15 @@ def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callabl
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
             try:
                 for line in process.stdout or ():
-                    if line.startswith(_STEP_LOG_PREFIX):
-                        on_second(float(line.removeprefix(_STEP_LOG_PREFIX).split()[0]) - files.begin)
+                    words = line.removeprefix(_STEP_LOG_PREFIX).split()
+                    if line.startswith(_STEP_LOG_PREFIX) and len(words) > 1:  # its last line may be cut short
+                        on_second(float(words[0]) - files.begin)
             except BaseException:
                 process.kill()  # an interrupted program leaves no SUMO behind
                 raise
+        # On a full disk SUMO ends with 0 and files that are cut short.
+        if process.returncode == -signal.SIGXFSZ or shutil.disk_usage(files.config.parent).free < LEAST_FREE_BYTES:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(files.config.parent))
         if process.returncode != 0:
             errors.seek(0)
             raise SimulationError(f"SUMO ended with {process.returncode}: {' '.join(errors.read().split())[-300:]}")
