@@ -15,7 +15,7 @@ import shapely
 from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
-from wzsumo.errors import MAX_SHOWN, InputError, one_line, reading
+from wzsumo.errors import MAX_SHOWN, InputError, check_file, one_line, reading
 from wzsumo.files.geojson import collection_in_metres
 from wzsumo.files.ros_map import read_map
 from wzsumo.frames import BoolArray
@@ -177,6 +177,7 @@ class ResultFolder:
         path = self.folder / name
         if not path.exists():
             return None
+        check_file(path, error=InputError, remedy=REMEDY)  # of a folder pandas reads what is in it
         with self._reading(name):
             return pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
 

@@ -1,0 +1,129 @@
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import shapely
+from shapely.geometry import mapping
+
+from wzsumo.errors import InputError
+from wzsumo.files.result_folder import ResultFolder, read_result_folder
+
+READERS: dict[str, Callable[[ResultFolder], Any]] = {
+    "traces.parquet": lambda run: run.used_traces,
+    "mixture_sweep.csv": lambda run: run.mixtures_tried,
+    "mixture.json": lambda run: run.mixture,
+    "samples.csv": lambda run: run.samples,
+    "traffic/cells.parquet": lambda run: run.traffic_cells,
+    "paths/swept.csv": lambda run: run.path_of("swept"),
+    "drives/swept.csv": lambda run: run.drive_of("swept"),
+    "drives/swept_traffic.parquet": lambda run: run.drive_traffic_of("swept"),
+    "maps/swept.yaml": lambda run: run.map_of("swept"),
+    "scenario.toml": lambda run: run.vehicle,
+}
+AREAS = ("drivable", "closed_area", "pavement")
+DAMAGE: dict[str, Callable[[Path], Any]] = {
+    "cut short": lambda path: path.write_bytes(b"PAR1" + b"\0" * 9),
+    "of another kind": lambda path: path.write_bytes(b"\x89PNG\r\n\x1a\n\0\0[1, 2"),
+    "a folder": lambda path: path.mkdir(),
+    "deeply nested": lambda path: path.write_bytes(b"[" * 50_000),
+}
+
+
+@pytest.mark.parametrize("how", DAMAGE)
+@pytest.mark.parametrize("name", READERS)
+def test_damaged_file_of_a_run_is_refused_by_its_name_with_the_remedy(tmp_path: Path, name: str, how: str) -> None:
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    DAMAGE[how](path)
+    run = ResultFolder(folder=tmp_path, result={}, layout={"areas": [], "features": []})
+    if path.suffix == ".csv" and how in {"cut short", "deeply nested"}:  # any line is a table to a reader of CSV
+        READERS[name](run)
+        return
+    with pytest.raises(InputError, match=path.name):
+        READERS[name](run)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [None, [], {"weights": 1, "means": [], "covariances": []}, {"weights": ["a"]}, {"weights": [1.0], "means": [[1]]}],
+)
+def test_mixture_of_another_shape_is_refused(tmp_path: Path, content: Any) -> None:
+    (tmp_path / "mixture.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"mixture\.json: cannot be read .*run the scenario again"):
+        _ = ResultFolder(folder=tmp_path, result={}, layout={}).mixture
+
+
+def layout(**changes: Any) -> dict[str, Any]:
+    """A layout of one device on a straight road, with some parts changed."""
+    device = {
+        "name": "device",
+        "kind": "drum",
+        "s_m": 1,
+        "d_m": 1,
+        "heading_rad": 0,
+        "height_m": 1,
+        "radius_m": 0.2,
+        "length_m": 0,
+    }
+    section = {
+        "name": "reference_line",
+        "lane_widths_m": [3.6],
+        "left_shoulder_m": 1,
+        "right_shoulder_m": 1,
+        "opposing_lanes": 0,
+    }
+    line = shapely.LineString([(0, 1.8), (100, 1.8)])
+    features = [
+        {"properties": section | changes.get("section", {}), "geometry": mapping(line)},
+        {"properties": device | changes.get("device", {}), "geometry": changes.get("place", mapping(shapely.Point(1, 1)))},
+        *(
+            {"properties": {"name": n}, "geometry": mapping(shapely.box(0, 0, 9, 9))}
+            for n in ("drivable", "closed_area", "pavement")
+        ),
+    ]
+    return {"areas": changes.get("areas", [{"name": "a", "start_m": 0, "end_m": 9}]), "features": features}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"section": {"lane_widths_m": None}}, {"section": {"lane_widths_m": ["a"]}}, {"section": {"left_shoulder_m": "x"}},
+        {"device": {"s_m": "far"}}, {"device": {"radius_m": None}, "place": {"type": "Point", "coordinates": []}},
+        {"place": None}, {"areas": [{"name": "a"}]}, {"areas": [1]}, {"areas": [{"name": "a", "start_m": "x", "end_m": 1}]},
+    ],
+)  # fmt: skip
+def test_layout_of_other_types_is_refused_by_its_name(tmp_path: Path, changes: dict[str, Any]) -> None:
+    run = ResultFolder(folder=tmp_path, result={}, layout=layout(**changes))
+    with pytest.raises(InputError, match=r"layout\.geojson"):
+        _ = run.road.length, run.devices, run.areas, run.polygons
+
+
+def test_layout_as_it_should_be_is_read(tmp_path: Path) -> None:
+    run = ResultFolder(folder=tmp_path, result={}, layout=layout())
+    assert run.road.length == 100
+    assert run.devices["x_m"].tolist() == [1.0]
+    assert (run.span, run.polygons["drivable"].area) == ((0.0, 9.0), 81.0)
+
+
+@pytest.mark.parametrize("content", ["", "null", "[1]", "{", '{"a": ' + "[" * 50_000, '{"a": 1' + "0" * 5000 + "}"])
+def test_result_that_is_no_object_of_json_is_refused(tmp_path: Path, content: str) -> None:
+    for name in ("layout.geojson", "traces.parquet", "mixture_sweep.csv", "mixture.json", "samples.csv"):
+        (tmp_path / name).write_text("x")
+    (tmp_path / "result.json").write_text(content)
+    with pytest.raises(InputError, match=r"result\.json: ") as refused:
+        read_result_folder(tmp_path)
+    assert len(str(refused.value)) < 500 + len(str(tmp_path))
+
+
+def test_table_that_is_not_there_is_none_and_one_that_is_there_is_read(tmp_path: Path) -> None:
+    run = ResultFolder(folder=tmp_path, result={}, layout={})
+    assert run.traffic_cells is None
+    (tmp_path / "paths").mkdir()
+    pd.DataFrame({"x_m": np.arange(3.0)}).to_csv(tmp_path / "paths" / "swept.csv", index=False)
+    found = run.path_of("swept")
+    assert found is not None
+    assert found["x_m"].tolist() == [0, 1, 2]
