@@ -1,6 +1,7 @@
 """The command `init`: a scenario file to start from, of the library or of a road event in a WZDx feed."""
 
 import argparse
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -66,6 +67,6 @@ def _only_zone(events: list[RoadEvent], faults: list[str], path: Path) -> RoadEv
 
 
 def _free(path: Path) -> Path:
-    if path.exists():
+    if os.path.lexists(path):  # of a name that cannot be, `write_whole` says why
         raise OutputError(f"--out {path}: is there already; name another file, or move it")
     return path
