@@ -38,6 +38,7 @@ COMMANDS = {
     "capacity": "what the zone can carry by the Highway Capacity Manual, 7th edition",
     "run": "run the whole case: result.json, maps, paths, drives, report.html",
     "map": "make a ROS map (map.pgm, map.yaml) from anybody's traces",
+    "live": "replay traces against a map that notices what changed: versions, alarms, live.html",
     "export": "write the lanes of a map as Lanelet2, OpenDRIVE, GeoParquet or a WZDx feed",
     "plan": "plan a path on any ROS map with Hybrid A*",
     "place": "set a zone up in an existing SUMO network, with its demand: open closed/run.sumocfg",

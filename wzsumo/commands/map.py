@@ -12,8 +12,8 @@ import pandas as pd
 from wzsumo.case.map_method import Source
 from wzsumo.case.methods import DEFAULT_METHOD, methods_from
 from wzsumo.case.traces_map import crowd_method, map_of_traces
+from wzsumo.commands import progress_bar
 from wzsumo.commands.arguments import add_out_folder, add_reading, cell_edge_m, column_names, compass_bearing, number, seed
-from wzsumo.commands.progress import progress_bar
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.errors import InputError

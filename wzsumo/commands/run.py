@@ -5,8 +5,8 @@ from typing import Any
 
 from wzsumo.api import run_case
 from wzsumo.case.methods import METHODS
+from wzsumo.commands import progress_bar
 from wzsumo.commands.arguments import add_out_folder, add_scenario, seed
-from wzsumo.commands.progress import progress_bar
 from wzsumo.errors import InputError
 from wzsumo.report.tables import outcome_code
 from wzsumo.scenario.scenario import load_scenario

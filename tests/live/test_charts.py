@@ -1,0 +1,98 @@
+"""The pieces of the charts against closed forms and slow twins."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from live.streams_of_traces import merges_at, reading, two_lane_map
+from scipy.stats import norm
+
+from wzsumo.live.charts.evidence import bounded
+from wzsumo.live.charts.findings import Family
+from wzsumo.live.charts.shape_charts import _pair
+from wzsumo.live.charts.thresholds import calibrated_thresholds
+from wzsumo.live.ground import ground_of
+from wzsumo.live.trace.decoding import draw_ways, error_of, first_levels
+from wzsumo.live.trace.reading import walk_of
+from wzsumo.live.trace.shape import _filter, steps_of
+
+
+@given(st.floats(-500, 500))
+def test_one_trace_says_at_most_log_of_shares(ratio: float) -> None:
+    assert np.log(0.05 / 0.98) - 1e-9 <= bounded(ratio) <= np.log(0.95 / 0.02) + 1e-9
+
+
+@pytest.mark.parametrize("mean", [0.5, 1.0, 2.0])
+def test_bounded_evidence_of_a_normal_sample_falls_in_the_mean_without_a_change(mean: float) -> None:
+    x, width = np.linspace(-8, 8, 4001), 16 / 4000
+    says = np.array([bounded(mean * value - mean**2 / 2) for value in x])
+    assert np.sum(says * norm.pdf(x)) * width < 0 < np.sum(says * norm.pdf(x - mean)) * width
+
+
+def test_level_filter_equals_least_squares_with_the_whole_covariance() -> None:
+    random = np.random.default_rng(3)
+    y, shown = random.standard_normal(12), random.random(12) > 0.3
+    noise, walk = 0.4, 0.09
+    level, variance = _filter(y, shown, np.zeros(12, dtype=np.int64), noise, walk)
+    at = np.flatnonzero(shown[:10])
+    # Cells up to number 9: the level at 9 is unknown, earlier ones differ from it by a walk backwards.
+    steps = np.minimum.outer(9 - at, 9 - at) * walk + noise * np.eye(len(at))
+    weights = np.linalg.solve(steps, np.ones(len(at)))
+    assert level[9] == pytest.approx(weights @ y[at] / weights.sum(), rel=1e-4)
+    assert variance[9] == pytest.approx(1 / weights.sum(), rel=1e-4)
+
+
+def test_walk_of_a_random_walk_with_noise_is_the_variance_of_its_steps() -> None:
+    random = np.random.default_rng(1)
+    found = [
+        walk_of(0.2 * random.standard_normal(200).cumsum() + 0.3 * random.standard_normal(200), np.ones(200, dtype=bool), 0.3)
+        for _ in range(200)
+    ]
+    assert np.mean(found) == pytest.approx(0.04, rel=0.15)
+
+
+def test_an_edge_of_a_trace_is_estimated_within_its_own_deviation() -> None:
+    ground = ground_of(two_lane_map())
+    z = []
+    for number in range(60):
+        own = merges_at(number)
+        trace = reading(ground, number, lane=lambda s, own=own: own(s) + (s > 1150) / 3.6)  # type: ignore[misc]
+        ways = draw_ways(ground, trace, walk=0.002, levels=first_levels(), seed=number)
+        steps = steps_of(ground, trace, ways, usual_walk=0.002, usual_scatter=1.0)
+        z.append((steps.estimate[0, 45] - 1.0) / np.sqrt(steps.variance[0, 45]))
+    assert abs(np.mean(z)) < 0.5
+    assert np.std(z) < 1.2
+
+
+def test_ways_of_a_clear_trace_change_lanes_where_it_does() -> None:
+    ground = ground_of(two_lane_map())
+    trace = reading(ground, 4, lane=lambda s: 1.0 - np.clip((s - 300) / 80, 0, 1))
+    ways = draw_ways(ground, trace, walk=0.002, levels=first_levels(), seed=1)
+    assert (ways.places[:, 5] == 3).all()
+    assert (ways.places[:, 25] == 0).all()
+    assert ways.weights.sum() == pytest.approx(1)
+    again = draw_ways(ground, trace, walk=0.002, levels=first_levels(), seed=1)
+    assert (again.places == ways.places).all()
+
+
+def test_first_levels_are_receivers_of_one_and_a_half_metres() -> None:
+    assert error_of(first_levels()) == pytest.approx(np.sqrt((0.4**2 + 1 + 2.2**2) / 3), abs=0.1)
+
+
+def test_loudest_pair_equals_a_search_over_all_pairs() -> None:
+    random = np.random.default_rng(2)
+    evidence, gaps = random.random((2, 2, 6, 15)), np.array([0, 3])
+    best = max(
+        evidence[c, g, i, a] + evidence[c, g, 5 - i, b]
+        for c in range(2) for g in range(2) for i in range(6) for a in range(15) for b in range(a + gaps[g] + 1, 15)
+    )  # fmt: skip
+    assert _pair(evidence, gaps)[0] == pytest.approx(best)
+
+
+def test_thresholds_meet_the_budget_of_one_false_alarm_in_20_000_traces() -> None:
+    thresholds = calibrated_thresholds()
+    assert thresholds.rate_per_trace * len(Family) == pytest.approx(1 / 20_000)
+    for family in Family:
+        assert thresholds.at(family, 1.0) >= 8.0
+        assert (thresholds.sd[family] >= 0).all()
+    assert thresholds.false_alarms_per_trace(Family.STEP, 1.0, thresholds.at(Family.STEP, 1.0) + 5) < 1e-6

@@ -1,0 +1,120 @@
+"""LiveMap: changes are found and named, none is found where there is none, and it stays as small as it began."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from live.streams_of_traces import CLOSED_M, keeps_lane, merges_at, reading, two_lane_map
+
+from wzsumo.frames import FloatArray
+from wzsumo.live.alarms import Alarm, Kind
+from wzsumo.live.live_map import LiveMap, live_map, with_trace
+from wzsumo.live.stream.state_file import state_bytes
+
+Driver = Callable[[int], Callable[[FloatArray], FloatArray]]
+
+
+def driven(live: LiveMap, numbers: range, driver: Driver) -> tuple[LiveMap, list[Alarm]]:
+    alarms = []
+    for number in numbers:
+        step = with_trace(live, reading(live.ground, number, lane=driver(number)))
+        live = step.live
+        alarms += [step.alarm] if step.alarm else []
+    return live, alarms
+
+
+@pytest.fixture(scope="module")
+def settled() -> LiveMap:
+    """A live map that 120 traces went through, in the world that it shows."""
+    live, alarms = driven(live_map(two_lane_map()), range(120), merges_at)
+    assert alarms == []
+    return live
+
+
+def moved(number: int, *, by_m: float, start: float, end: float) -> Callable[[FloatArray], FloatArray]:
+    own = merges_at(number)
+    return lambda s: own(s) + by_m / 3.6 * ((s > start) & (s < end))
+
+
+def test_an_unchanged_zone_raises_no_alarm(settled: LiveMap) -> None:
+    _, alarms = driven(settled, range(120, 300), merges_at)
+    assert alarms == []
+
+
+@pytest.mark.parametrize("by_m", [1.0, -1.0])
+def test_lanes_that_moved_are_named_with_size_and_place(settled: LiveMap, by_m: float) -> None:
+    live, alarms = driven(settled, range(120, 140), lambda n: moved(n, by_m=by_m, start=700, end=1200))
+    assert len(alarms) == 1
+    change = alarms[0].change
+    assert change.kind is Kind.SHIFTED
+    assert change.lane is None
+    assert alarms[0].trace <= 120 + 8
+    assert change.size_m == pytest.approx(by_m, abs=0.25)
+    assert change.start_m == pytest.approx(700, abs=50)
+    assert change.end_m == pytest.approx(1200, abs=50)
+    drawn = live.ground.lanes.lanes[0].middle
+    stations = live.ground.lanes.stations
+    assert np.median(drawn[(stations > 760) & (stations < 1140)]) == pytest.approx(1.8 + by_m, abs=0.15)
+    assert np.abs(drawn[(stations < 640) | (stations > 1260)] - 1.8).max() < 0.05
+
+
+def test_a_lane_that_is_closed_is_named_and_drawn_closed() -> None:
+    live, alarms = driven(live_map(two_lane_map(closed=False)), range(100), keeps_lane)
+    assert alarms == []
+    live, alarms = driven(live, range(100, 130), lambda n: merges_at(n, by_m=800.0))
+    assert alarms[0].change.kind is Kind.LANE_CLOSED
+    assert alarms[0].change.lane == 1
+    assert alarms[0].trace <= 100 + 24
+    assert alarms[0].change.start_m == pytest.approx(750, abs=120)
+    stations = live.ground.lanes.stations
+    assert (live.ground.lanes.lanes[1].p_open_middle[(stations > 900) & (stations < 1300)] < 0.2).all()
+    assert (live.ground.lanes.lanes[0].p_open_middle > 0.9).all()
+
+
+def test_a_lane_that_is_driven_again_is_named_and_drawn_open(settled: LiveMap) -> None:
+    live, alarms = driven(settled, range(120, 140), keeps_lane)
+    assert alarms[0].change.kind is Kind.LANE_OPEN
+    assert alarms[0].change.lane == 1
+    assert alarms[0].trace <= 120 + 12
+    stations = live.ground.lanes.stations
+    inside = (stations > CLOSED_M[0] + 40) & (stations < CLOSED_M[1] - 40)
+    assert (live.ground.lanes.lanes[1].p_open_middle[inside] > 0.8).all()
+
+
+def test_a_closed_road_is_named_after_four_vehicles(settled: LiveMap) -> None:
+    live = settled
+    for number in range(120, 124):
+        found = reading(live.ground, number, lane=merges_at(number))
+        last = 28 - number % 2
+        shorter = {"found": found.found & (np.arange(60) <= last), "seen": found.seen & (np.arange(60) <= last), "last": last}
+        step = with_trace(live, type(found)(**(vars(found) | shorter)))
+        live = step.live
+        if step.alarm:
+            break
+    assert step.alarm is not None
+    assert step.alarm.change.kind is Kind.ROAD_CLOSED
+    assert step.alarm.change.start_m == pytest.approx(700, abs=60)
+
+
+def test_a_long_gap_between_traces_is_told_as_silence_and_changes_no_lane(settled: LiveMap) -> None:
+    late = reading(settled.ground, 120, lane=merges_at(120), start_s=40.0 * 119 + 40.0 * 30)
+    step = with_trace(settled, late)
+    assert step.alarm is not None
+    assert step.alarm.change.kind is Kind.SILENCE
+    assert step.live.version == settled.version
+
+
+def test_a_live_map_is_as_large_after_300_traces_as_after_120(settled: LiveMap) -> None:
+    live, _ = driven(settled, range(120, 300), merges_at)
+    assert len(live.recent) == len(settled.recent)
+    assert len(state_bytes(live, {})) < 1.2 * len(state_bytes(settled, {}))
+
+
+def test_ground_without_witnesses_is_worth_half_after_a_half_life(settled: LiveMap) -> None:
+    day = 24 * 3600.0
+    late = reading(settled.ground, 121, lane=np.zeros_like, start_s=settled.now_s + day)
+    aged = with_trace(settled, late).live.lanes_now(half_life_s=day)
+    now = settled.lanes_now(half_life_s=day)
+    assert aged.lanes[0].p_open_middle[30] == pytest.approx(0.97, abs=0.01)  # driven just now
+    before, after = now.lanes[1].p_open_middle[10], aged.lanes[1].p_open_middle[10]
+    assert after - 0.5 == pytest.approx((before - 0.5) / 2, abs=0.02)

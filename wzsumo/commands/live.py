@@ -1,0 +1,102 @@
+"""The command `live`: traces in order of time through a map that notices what changed."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from wzsumo.commands.arguments import add_out_folder, add_reading, column_names, number
+from wzsumo.errors import SpecError
+from wzsumo.files.fixes.tables import table_files
+from wzsumo.files.lanes import LanesFile, read_lanes, write_lanes
+from wzsumo.live.stream.arrivals import Reading
+from wzsumo.live.stream.log_folder import LiveFolder, open_folder
+from wzsumo.live.stream.replay import follow_folder, follow_stream, replay_files
+from wzsumo.report.live_page import write_live_page
+
+MORE = """\
+TRACES are files or folders as `wzsumo map` takes them, or - for lines of .csv on standard input. They are replayed in order of
+time against the map, a lanes.geojson of `wzsumo map` or its folder. Written to --out: alarms.jsonl (what changed, where, since
+when, how sure, on how many traces), versions/ (the map after each change: GeoJSON, Parquet, WZDx where it has a place and
+dates), lanes.geojson (as it is known now), live.html. A run that was stopped goes on where it was; further files are taken
+after those that were taken before.
+
+  wzsumo live day1.parquet day2.parquet --map out --out live
+  wzsumo live incoming/ --follow --map out --out live --json      waits for further files
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments to its parser."""
+    parser.add_argument("traces", type=Path, nargs="+", metavar="TRACES")
+    parser.add_argument("--map", type=Path, required=True, metavar="DIR", help="the map to begin with")
+    add_out_folder(parser)
+    add_reading(parser)
+    parser.add_argument("--follow", action="store_true", help="wait for further files in the folder TRACES")
+    parser.add_argument("--idle-s", type=number, metavar="S", help="with --follow: end after S seconds without a new file")
+    parser.add_argument(
+        "--half-life-h", type=number, default=24.0, metavar="H",
+        help="after which what is known of ground without witnesses is worth half (default 24)",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> dict[str, Any]:
+    """Write versions, alarms and the page; counts. Raises InputError where traces and map do not belong together."""
+    if args.half_life_h <= 0:
+        raise SpecError(f"--half-life-h {args.half_life_h:g} must be above 0")
+    if args.idle_s is not None and not args.follow:
+        raise SpecError("--idle-s: says when to stop waiting; give it with --follow")
+    if args.follow and not (len(args.traces) == 1 and args.traces[0].is_dir()):
+        raise SpecError("--follow: waits for files in one folder; name that folder alone")
+    content = read_lanes(args.map)
+    reading = Reading(columns=column_names(args.columns), crs=args.crs, frame=content.frame)
+    stream = [str(path) for path in args.traces] == ["-"]
+    files = [] if stream or args.follow else [file for path in args.traces for file in table_files(path)]
+    folder = open_folder(args.out, args.map)
+    half_life_s = 3600 * args.half_life_h
+    try:
+        if stream:
+            follow_stream(folder, sys.stdin, reading, half_life_s=half_life_s, tell=_teller(args))
+        elif args.follow:
+            follow_folder(folder, args.traces[0], reading, idle_s=args.idle_s, half_life_s=half_life_s, tell=_teller(args))
+        else:
+            replay_files(folder, files, reading, half_life_s=half_life_s, tell=_teller(args))
+    except KeyboardInterrupt:
+        folder.commit()
+        _write_now(folder, half_life_s)
+        raise
+    _write_now(folder, half_life_s)
+    alarms = (args.out / "alarms.jsonl").read_text(encoding="utf-8").splitlines()
+    return {
+        "out": str(args.out), "traces": folder.counts["taken"], "versions": folder.live.version, "alarms": len(alarms),
+        "twice": folder.counts["twice"], "late": folder.counts["late"], "off_map": folder.counts["off_map"],
+        "warnings": _warnings(folder.counts),
+    }  # fmt: skip
+
+
+def _write_now(folder: LiveFolder, half_life_s: float) -> None:
+    lanes = folder.live.lanes_now(half_life_s=half_life_s)
+    write_lanes(LanesFile(lanes=lanes, frame=folder.frame, utc=folder.utc), folder.path)
+    write_live_page(folder.path, folder.live)
+
+
+def _teller(args: argparse.Namespace) -> Any:
+    def tell(line: dict[str, Any]) -> None:
+        if args.json:
+            sys.stdout.write(json.dumps(line) + "\n")
+        elif "alarm" in line:
+            alarm = line["alarm"]
+            sys.stdout.write(f"trace {alarm['trace']}: {alarm['words']} ({alarm['n_traces']} traces)\n")
+        sys.stdout.flush()
+
+    return tell
+
+
+def _warnings(counts: dict[str, int]) -> list[str]:
+    words = {
+        "twice": "came twice and counted once",
+        "late": "ended before one that was taken already: files overlap in time, or clocks are apart",
+        "off_map": "are not on the map's road, or leave fewer than four cells of it",
+    }
+    return [f"{counts[name]} traces {said}" for name, said in words.items() if counts[name]]

@@ -1,0 +1,1 @@
+"""A map that lives: one more trace turns it into the next, and it notices what changed."""

@@ -1,0 +1,1 @@
+"""Charts: sums of evidence that grow while traces speak for a change."""

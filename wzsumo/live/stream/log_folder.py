@@ -1,0 +1,189 @@
+"""The folder of a live map: versions, alarms, evidence over time, and the state from which it goes on after a kill.
+
+What is appended between two states counts only once the next state is written. A run that begins again cuts the logs to what
+its state knows, and repeats the rest to the same bytes; so no trace is lost and none counts twice.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from wzsumo.errors import MapError
+from wzsumo.feeds.publication import FeedDetails, published_zone
+from wzsumo.files.lanes import LanesFile, lanes_geojson, read_lanes, time_text
+from wzsumo.files.output import parquet_bytes, write_whole
+from wzsumo.frames import FloatArray
+from wzsumo.lane_map import LaneMap
+from wzsumo.live.alarms import Alarm, Change
+from wzsumo.live.live_map import LiveMap, live_map
+from wzsumo.live.stream.state_file import read_state, state_bytes
+
+STATE, ALARMS, VERSIONS, EVIDENCE, FOLDER = "state.zip", "alarms.jsonl", "versions.jsonl", "evidence.f4", "versions"
+LOGS = (ALARMS, VERSIONS, EVIDENCE)
+DAY_S = 86_400.0
+
+
+@dataclass(kw_only=True)
+class Position:
+    """How far the input was read: names and sizes of finished files, and of those being read how many traces were delivered."""
+
+    done: list[str]
+    reading: list[str]
+    delivered: int
+
+
+@dataclass(kw_only=True)
+class LiveFolder:
+    """An open folder: the live map as it stands, the position in its input, the last keys, counts, and the log's sizes."""
+
+    path: Path
+    live: LiveMap
+    frame: Any
+    utc: bool
+    position: Position
+    keys: dict[str, None]
+    counts: dict[str, int]
+
+    def write_version(self, change: Change | None, *, alarm: Alarm | None, lanes: LaneMap) -> dict[str, Any]:
+        """Write the files of the live map's version, and its line in the log; that line."""
+        number = self.live.version
+        folder = self.path / FOLDER / f"{number:06d}"
+        content = LanesFile(lanes=lanes, frame=self.frame, utc=self.utc)
+        table = parquet_bytes(lanes_table(lanes))
+        write_whole(folder / "lanes.parquet", table)
+        write_whole(folder / "lanes.geojson", (json.dumps(lanes_geojson(content)) + "\n").encode())
+        feed = _feed(content)
+        if feed is not None:
+            write_whole(folder / "wzdx.geojson", (json.dumps(feed, indent=1) + "\n").encode())
+        line = {
+            "version": number, "trace": self.live.number, "at_s": self.live.now_s,
+            "why": "the map that it began with" if change is None else change.words, "by_alarm": alarm is not None,
+            "lanes_sha256": hashlib.sha256(table).hexdigest(),
+        }  # fmt: skip
+        write_whole(folder / "version.json", (json.dumps(line) + "\n").encode())
+        self._append(VERSIONS, (json.dumps(line) + "\n").encode())
+        return line
+
+    def write_alarm(self, alarm: Alarm) -> dict[str, Any]:
+        """Append an alarm to the log; its line."""
+        line = alarm.as_json() | {"version": self.live.version}
+        self._append(ALARMS, (json.dumps(line) + "\n").encode())
+        return line
+
+    def write_evidence(self, row: FloatArray) -> None:
+        """Append the evidence by cell after a trace: its number, its time, and shares of the threshold (m,)."""
+        head = np.array([self.live.number, self.live.now_s], dtype="<f8").view("<f4")
+        self._append(EVIDENCE, np.concatenate([head, row.astype("<f4")]).tobytes())
+
+    def commit(self) -> None:
+        """Write the state: what was appended before counts from now on."""
+        sizes = {}
+        for name in LOGS:
+            with (self.path / name).open("ab") as log:
+                log.flush()
+                os.fsync(log.fileno())
+                sizes[name] = log.tell()
+        position = self.position
+        about = {
+            "sizes": sizes, "done": position.done, "reading": position.reading, "delivered": position.delivered,
+            "keys": list(self.keys), "counts": self.counts, "utc": self.utc,
+            "frame": None if self.frame is None else self.frame.as_json(),
+        }  # fmt: skip
+        write_whole(self.path / STATE, state_bytes(self.live, about))
+
+    def _append(self, name: str, content: bytes) -> None:
+        with (self.path / name).open("ab") as log:
+            log.write(content)
+
+
+def open_folder(path: Path, map_path: Path) -> LiveFolder:
+    """The folder of a live map, as it was left, or new and begun with a map.
+
+    Raises MapError where the folder holds another map's state, or a log that was cut off.
+    """
+    content = read_lanes(map_path)
+    started = hashlib.sha256(parquet_bytes(lanes_table(content.lanes))).hexdigest()
+    if not (path / STATE).exists():
+        for name in LOGS:
+            (path / name).unlink(missing_ok=True)
+        shutil.rmtree(path / FOLDER, ignore_errors=True)
+        path.mkdir(parents=True, exist_ok=True)
+        folder = LiveFolder(
+            path=path, live=live_map(content.lanes), frame=content.frame, utc=content.utc,
+            position=Position(done=[], reading=[], delivered=0), keys={},
+            counts={"taken": 0, "twice": 0, "late": 0, "off_map": 0},
+        )  # fmt: skip
+        folder.write_version(None, alarm=None, lanes=content.lanes)
+        folder.commit()
+        return folder
+    live, about = read_state((path / STATE).read_bytes(), source=str(path / STATE))
+    for name, size in about["sizes"].items():
+        _cut(path / name, size)
+    _check_versions(path, started=started, map_path=map_path, last=live.version)
+    return LiveFolder(
+        path=path, live=live, frame=content.frame, utc=content.utc,
+        position=Position(done=about["done"], reading=about["reading"], delivered=about["delivered"]),
+        keys=dict.fromkeys(about["keys"]), counts=about["counts"],
+    )  # fmt: skip
+
+
+def lanes_table(lanes: LaneMap) -> pa.Table:
+    """One row a lane and station: its lines, their deviations, and P(open) at its middle."""
+    n = len(lanes.stations)
+    columns: dict[str, Any] = {
+        "lane": np.repeat(np.arange(len(lanes.lanes)), n), "station_m": np.tile(lanes.stations, len(lanes.lanes))
+    }  # fmt: skip
+    for name in ("right", "left", "right_sd", "left_sd"):
+        columns[f"{name}_m"] = np.concatenate([getattr(lane, name) for lane in lanes.lanes])
+    columns["p_open"] = np.concatenate([lane.p_open_middle for lane in lanes.lanes])
+    return pa.table(columns)
+
+
+def read_evidence(path: Path, n_cells: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(trace numbers (k,), times (k,) [s], shares of the threshold (k, m)) of a folder's log."""
+    rows = np.fromfile(path / EVIDENCE, dtype="<f4").reshape(-1, n_cells + 4)
+    head = np.ascontiguousarray(rows[:, :4]).view("<f8")
+    return head[:, 0], head[:, 1], rows[:, 4:].astype(float)
+
+
+def _feed(content: LanesFile) -> dict[str, Any] | None:
+    """The WZDx feed of a version; None where the map has no place on earth, no dates, or no zone."""
+    if content.frame is None or not content.utc:
+        return None
+    lanes = content.lanes
+    details = FeedDetails(
+        publisher="unknown", road_name="unknown", direction=None, start_date=time_text(lanes.first_time_s),
+        end_date=time_text(lanes.last_time_s + DAY_S),
+    )  # fmt: skip
+    try:
+        return published_zone(lanes, content.frame, details)
+    except MapError:
+        return None
+
+
+def _cut(path: Path, size: int) -> None:
+    held = path.stat().st_size if path.exists() else 0
+    if held < size:
+        raise MapError(f"{path}: is cut off ({held} of {size} bytes); restore it, or replay into a new folder")
+    with path.open("r+b") as log:
+        log.truncate(size)
+
+
+def _check_versions(path: Path, *, started: str, map_path: Path, last: int) -> None:
+    lines = [json.loads(line) for line in (path / VERSIONS).read_text(encoding="utf-8").splitlines()]
+    if lines[0]["lanes_sha256"] != started:
+        raise MapError(f"{path}: was begun with another map than {map_path}; name that map, or another folder")
+    for line in lines:
+        file = path / FOLDER / f"{line['version']:06d}" / "lanes.parquet"
+        if not file.is_file() or hashlib.sha256(file.read_bytes()).hexdigest() != line["lanes_sha256"]:
+            raise MapError(f"{file}: is missing or cut off; restore it, or replay into a new folder")
+    for folder in (path / FOLDER).iterdir():
+        if folder.name.isdigit() and int(folder.name) > last:
+            shutil.rmtree(folder)

@@ -1,0 +1,67 @@
+"""live.html: what a live map noticed, the map before and now, and its evidence over space and time."""
+
+import base64
+import io
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from wzsumo.figures.live_figures import evidence_over_time, lanes_before_and_now
+from wzsumo.files.lanes import read_lanes
+from wzsumo.files.output import write_whole
+from wzsumo.live.charts.findings import Family
+from wzsumo.live.charts.thresholds import calibrated_thresholds
+from wzsumo.live.live_map import LiveMap
+from wzsumo.live.stream.log_folder import ALARMS, FOLDER, VERSIONS, read_evidence
+from wzsumo.live.trace.decoding import error_of
+from wzsumo.report.page import page_template
+
+PAGE = "live.html"
+
+
+def write_live_page(folder: Path, live: LiveMap) -> None:
+    """Write live.html of a live map's folder."""
+    alarms = [json.loads(line) for line in (folder / ALARMS).read_text(encoding="utf-8").splitlines()]
+    versions = [json.loads(line) for line in (folder / VERSIONS).read_text(encoding="utf-8").splitlines()]
+    first, now = read_lanes(folder / FOLDER / f"{1:06d}"), read_lanes(folder)
+    figures = [
+        {
+            "title": "Lanes", "png": _png(lanes_before_and_now(first.lanes, now.lanes)),
+            "caption": "Offsets are stretched. Ground without recent witnesses fades to P(open) = 0.5.",
+        }
+    ]  # fmt: skip
+    numbers, _, shares = read_evidence(folder, len(live.ground.cells))
+    if len(numbers) > 1:
+        figures.append(
+            {
+                "title": "Evidence", "png": _png(evidence_over_time(live.ground.cells, numbers, shares, alarms)),
+                "caption": "The loudest chart at each place. Red bars are alarms over their stretch; grey lines go back to the "
+                "first trace that spoke for them.",
+            }
+        )  # fmt: skip
+    html = page_template("live.html.j2").render(
+        number=live.number, alarms=[_row(alarm, utc=now.utc) for alarm in alarms], versions=versions, figures=figures,
+        error_m=error_of(live.levels), one_in=1 / (len(Family) * calibrated_thresholds().rate_per_trace),
+    )  # fmt: skip
+    write_whole(folder / PAGE, html.encode())
+
+
+def _row(alarm: dict[str, Any], *, utc: bool) -> dict[str, Any]:
+    since = datetime.fromtimestamp(alarm["since_s"], UTC).strftime("%Y-%m-%d %H:%M:%SZ") if utc else f"{alarm['since_s']:.0f} s"
+    return alarm | {
+        "start": _with_sd(alarm["start_m"], alarm["start_sd_m"]), "end": _with_sd(alarm["end_m"], alarm["end_sd_m"]),
+        "since": since, "once_in": f"{1 / max(alarm['false_alarms_per_trace'], 1e-12):,.0f}",
+    }  # fmt: skip
+
+
+def _with_sd(value: float | None, sd: float | None) -> str:
+    return "" if value is None else f"{value:.0f} ± {sd or 0:.0f}"
+
+
+def _png(figure: Figure) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
