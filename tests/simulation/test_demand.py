@@ -91,9 +91,21 @@ def test_lane_use_is_followed_and_trucks_keep_out_of_the_left_lane(tmp_path: Pat
 
 
 def test_cars_take_the_lane_with_most_room_and_trucks_keep_out_of_the_left_lane_of_three(tmp_path: Path) -> None:
-    all_ = vehicles(demand(tmp_path, truck_share=0.3))
+    all_ = vehicles(demand(tmp_path, truck_share=0.3, merge_ahead_m=(100, 300)))
     assert {v["departLane"] for v in all_ if v["type"].startswith("car")} == {"free"}
     assert {v["departLane"] for v in all_ if v["type"].startswith("truck")} == {"0", "1"}
+
+
+def test_drivers_who_would_have_merged_ahead_of_the_road_depart_on_lanes_that_go_on(tmp_path: Path) -> None:
+    # The left lane of the paper's zone is down to 8 ft of 12 ft a third into its taper of 720 ft, which begins 240 ft after the
+    # first device at 800 ft: 1280 ft (390 m) from the road's start.
+    path = demand(tmp_path, truck_share=0.3)
+    ahead = {t["id"]: float(t["lcStrategic"]) * SPEED * 10 for t in elements(path, "vType")}
+    lanes = {
+        merged: {v["departLane"] for v in vehicles(path) if v["type"].startswith("car") and (ahead[v["type"]] > 390) == merged}
+        for merged in (True, False)
+    }
+    assert lanes == {True: {"best"}, False: {"free"}}
 
 
 def test_every_vehicle_has_a_type_and_drives_the_whole_road(tmp_path: Path) -> None:
@@ -239,7 +251,7 @@ def test_demand_that_leaves_all_out_is_that_of_the_documentation() -> None:
     assert left_out.pop("drivers")["name"] == "uncalibrated"
     assert left_out == {
         "flow_vph": 1500, "flow_profile": [], "opposing_flow_vph": 0, "truck_share": 0.1, "lane_use": [], "duration_s": 1200,
-        "warm_up_s": 120, "speed_factor_sd": 0.1, "lateral_sd_m": 0.2, "lateral_wander": 0.08, "merge_ahead_m": [100, 500],
+        "warm_up_s": 120, "speed_factor_sd": 0.1, "lateral_sd_m": 0.2, "lateral_wander": 0.08, "merge_ahead_m": [100, 1100],
     }  # fmt: skip
 
 
@@ -254,7 +266,7 @@ def test_drivers_that_leave_all_out_are_sumos_but_for_the_loaded_truck() -> None
 
 def test_fitted_time_gaps_are_the_queues_headway_less_what_was_fitted() -> None:
     drivers = hcm_drivers(1500.0)  # a headway of 2.4 s
-    assert drivers.tau_s == pytest.approx(2.4 - 0.86)
-    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - 0.86 - 7.2 / 15)
+    assert drivers.tau_s == pytest.approx(2.4 - 0.75)
+    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - 0.75 - 7.2 / 15)
     assert (drivers.lc_assertive, drivers.lc_lookahead_left) == (1.3, 1.0)
     assert (drivers.calibrated_step_length_s, drivers.calibrated_lateral_resolution_m) == (0.1, 0.45)

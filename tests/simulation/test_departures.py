@@ -33,16 +33,16 @@ def test_demand_without_end_departs_as_fast_as_the_rule_says_within_a_tenth(tmp_
 
 
 def test_flow_that_the_lanes_take_is_accepted_and_one_beyond_is_refused_with_what_would_fit() -> None:
-    check(flow_vph=5600)
-    with pytest.raises(SpecError, match=r"flow_vph=7000: lane 1 would get 2567 veh/h, .* at most 2079 .* at most 5669 veh/h"):
+    check(flow_vph=6750)
+    with pytest.raises(SpecError, match=r"flow_vph=7000: lane 1 would get 2567 veh/h, .* at most 2494 .* at most 6802 veh/h"):
         # Trucks, a tenth, keep out of the left lane: lane 1 gets 11/30 of all. Headways of 1 s + 7.3 m and 1 s + 14.5 m.
         check(flow_vph=7000)
 
 
 def test_uneven_lane_use_is_refused_at_a_flow_that_even_lanes_would_take() -> None:
-    check(flow_vph=3000)
-    with pytest.raises(SpecError, match="lane 0 would get 2400 veh/h"):
-        check(flow_vph=3000, lane_use=(0.8, 0.1, 0.1))
+    check(flow_vph=3500)
+    with pytest.raises(SpecError, match="lane 0 would get 2800 veh/h"):
+        check(flow_vph=3500, lane_use=(0.8, 0.1, 0.1))
 
 
 def test_lane_use_of_another_number_of_lanes_is_refused_with_both() -> None:

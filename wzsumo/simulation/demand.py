@@ -35,8 +35,9 @@ class DemandSpec(Spec):
     lateral_sd_m: float = Field(0.2, ge=0, le=1)  # between drivers, of the place in the lane that each aims at
     lateral_wander: float = Field(0.08, ge=0, le=10)  # SUMO's lcSigma: how far a driver strays from that place
     # From how far ahead of the closing lane's end drivers look for a gap, uniformly between these two. At 4.5 m/s2 a car stops
-    # from 27 m/s within some 80 m, so the nearest leaves room to stop; the farthest is within the road of most zones.
-    merge_ahead_m: tuple[float, float] = (100.0, 500.0)
+    # from 27 m/s within some 80 m, so the nearest leaves room to stop. The farthest read the sign "LANE CLOSED" of a freeway,
+    # 2,500 ft (762 m) ahead of the taper (MUTCD 11th ed., Table 6B-1), from 250 m before it. Chosen by us.
+    merge_ahead_m: tuple[float, float] = (100.0, 1100.0)
     # "hcm": fitted to the HCM's queue discharge of the scenario's zone; the name of a preset; or a table of DriverSpec's keys.
     drivers: DriverSpec = UNCALIBRATED
 
@@ -82,6 +83,7 @@ LANE_KEEPING = {"lcLaneDiscipline": "1", "lcSublane": "10"}
 # one that stands slide at 1 m/s, and draws it turned by up to 0.8 rad, across the lane beside.
 STANDING_LATERAL_MPS, LATERAL_SHARE = 0.2, 0.2
 # Left to itself SUMO looks for the end of a lane over at most 8 edges, or 4 edges and 3 km: every driver knows the whole road.
+# They don't go back to the right lane after overtaking, SUMO's default and the rule in Europe.
 LOOK_AHEAD_M = 20000.0
 LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right (LC2013, SL2015)
 DRIVERS_PER_CLASS = 60  # vTypes of cars, and of trucks, each with its place in the lane and merging distance; chosen by us
@@ -96,21 +98,21 @@ def write_demand(
     """
     if spec.drivers == BY_THE_HCM:
         raise SpecError(f'drivers="{BY_THE_HCM.name}" is decided by the zone: write the demand of Scenario.zone_simulation()')
-    rng = np.random.default_rng([seed, 1])
-    root, lane_keeping = (
-        ET.Element("routes"),
-        LANE_KEEPING if any(lane.allows == "none" for edge in edges for lane in edge.lanes) else {},
-    )
+    rng, root = np.random.default_rng([seed, 1]), ET.Element("routes")
+    lane_keeping = LANE_KEEPING if any(lane.allows == "none" for edge in edges for lane in edge.lanes) else {}
+    merge_ahead = {kind: rng.uniform(*spec.merge_ahead_m, size=DRIVERS_PER_CLASS) for kind in ("car", "truck")}
     for kind, size in (("car", CAR), ("truck", TRUCK)):
-        for number in range(DRIVERS_PER_CLASS):
-            driver = _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, rng=rng)
+        for number, ahead in enumerate(merge_ahead[kind]):
+            driver = _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, merge_ahead=ahead, rng=rng)
             ET.SubElement(root, "vType", driver | lane_keeping)
     ET.SubElement(root, "route", id="through", edges=" ".join(edge.id for edge in edges))
-    vehicles = _vehicles(edges, "through", flows=spec.flow_profile or ((0.0, spec.flow_vph),), spec=spec, rng=rng)
+    flows = spec.flow_profile or ((0.0, spec.flow_vph),)
+    vehicles = _vehicles(edges, "through", flows=flows, merge_ahead=merge_ahead, spec=spec, rng=rng)
     if opposing and spec.opposing_flow_vph:
         ET.SubElement(root, "route", id="opposing", edges=" ".join(edge.id for edge in opposing))
         other = np.random.default_rng([seed, 2])
-        vehicles += _vehicles(opposing, "opposing", flows=((0.0, spec.opposing_flow_vph),), spec=spec, rng=other)
+        flows = ((0.0, spec.opposing_flow_vph),)
+        vehicles += _vehicles(opposing, "opposing", flows=flows, merge_ahead=merge_ahead, spec=spec, rng=other)
     root.extend(sorted(vehicles, key=lambda vehicle: float(vehicle.get("depart", ""))))  # SUMO reads them in this order
     path = folder / "zone.rou.xml"
     write_xml(root, path)
@@ -118,31 +120,53 @@ def write_demand(
 
 
 def _vehicles(
-    edges: tuple[Edge, ...], route: str, *, flows: tuple[tuple[float, float], ...], spec: DemandSpec, rng: np.random.Generator
+    edges: tuple[Edge, ...],
+    route: str,
+    *,
+    flows: tuple[tuple[float, float], ...],
+    merge_ahead: dict[str, FloatArray],
+    spec: DemandSpec,
+    rng: np.random.Generator,
 ) -> list[ET.Element]:
     """Every vehicle that departs along a route; `flows` are as in DemandSpec.flow_profile.
 
     With `lane_use` each has its lane. Without, SUMO puts a car onto the lane that has most room when it departs, as a driver
     farther upstream would have chosen it: with fixed lanes all of a closing lane's demand enters while that of the lane beside
-    waits. Trucks keep out of the left lane of three or more, the usual US rule.
+    waits. A driver whose `merge_ahead` [m] reaches from the road's start to the end of a lane has merged already, and departs
+    on a lane that goes on. Trucks keep out of the left lane of three or more, the usual US rule.
     """
-    n_lanes, vehicles = len(edges[0].lanes), []
+    n_lanes, vehicles, ahead = len(edges[0].lanes), [], _lengths_of_lanes(edges)
     use = spec.lane_use if route == "through" else ()
     for number, time in enumerate(_departures(flows, spec.duration_s, rng)):
-        is_truck = bool(rng.random() < spec.truck_share)
+        kind = "truck" if rng.random() < spec.truck_share else "car"
         lane, driver = int(rng.choice(n_lanes, p=use or None)), int(rng.integers(DRIVERS_PER_CLASS))
-        truck_lane = min(lane, n_lanes - 2) if n_lanes > 2 else lane
+        has_merged = ahead <= merge_ahead[kind][driver]
+        if kind == "truck" and n_lanes > 2:
+            lanes = [n for n in range(n_lanes - 1) if not has_merged[n]]
+            lane = min(lane, n_lanes - 2) if use or not lanes else int(rng.choice(lanes))
+            depart_lane = str(lane)
+        elif use:
+            depart_lane = str(lane)
+        else:
+            depart_lane = "best" if has_merged.any() else "free"
         attributes = {
             "id": f"{'v' if route == 'through' else 'o'}{number:05d}",
-            "type": f"{'truck' if is_truck else 'car'}_{driver:02d}",
+            "type": f"{kind}_{driver:02d}",
             "route": route,
             "depart": f"{time:.2f}",
-            "departLane": str(truck_lane if is_truck else lane) if use or (is_truck and n_lanes > 2) else "free",
+            "departLane": depart_lane,
             "departPos": "base",
-            "departSpeed": "desired",
+            "departSpeed": "avg",
         }
         vehicles.append(ET.Element("vehicle", attributes))
     return vehicles
+
+
+def _lengths_of_lanes(edges: tuple[Edge, ...]) -> FloatArray:
+    """How far (n,) [m] each lane of the first edge goes on from the road's start; without end those that reach the road's."""
+    going_on = [lane.of for lane in edges[-1].lanes]
+    ends = [[edge.end for edge in edges if lane.of in [q.of for q in edge.lanes]] for lane in edges[0].lanes]
+    return np.array([np.inf if lane.of in going_on else max(end) for lane, end in zip(edges[0].lanes, ends, strict=True)])
 
 
 def _departures(flows: tuple[tuple[float, float], ...], duration_s: float, rng: np.random.Generator) -> FloatArray:
@@ -160,7 +184,7 @@ def _departures(flows: tuple[tuple[float, float], ...], duration_s: float, rng: 
 
 
 def _driver(
-    id_: str, kind: str, size: dict[str, float], *, spec: DemandSpec, speed: float, rng: np.random.Generator
+    id_: str, kind: str, size: dict[str, float], *, spec: DemandSpec, speed: float, merge_ahead: float, rng: np.random.Generator
 ) -> dict[str, str]:
     offset = float(np.clip(rng.normal(0, spec.lateral_sd_m), -2 * spec.lateral_sd_m, 2 * spec.lateral_sd_m))
     driver = {
@@ -171,7 +195,7 @@ def _driver(
         "speedFactor": f"normc(1,{spec.speed_factor_sd},0.75,1.3)",
         "latAlignment": f"{offset:.3f}",
         "lcSigma": str(spec.lateral_wander),
-        "lcStrategic": f"{rng.uniform(*spec.merge_ahead_m) / (LOOK_AHEAD_S * speed):.3f}",
+        "lcStrategic": f"{merge_ahead / (LOOK_AHEAD_S * speed):.3f}",
     }
     truck, drivers = kind == "truck", spec.drivers
     decel = TRUCK_DECEL_MPS2 if truck else CAR_DECEL_MPS2
@@ -179,6 +203,7 @@ def _driver(
         "lcMaxSpeedLatStanding": f"{STANDING_LATERAL_MPS:g}",
         "lcMaxSpeedLatFactor": f"{LATERAL_SHARE:g}",
         "lcStrategicLookahead": f"{LOOK_AHEAD_M:g}",
+        "lcKeepRight": "0",
         "tau": f"{drivers.truck_tau_s if truck else drivers.tau_s:g}",
         "accel": f"{drivers.truck_accel_mps2 if truck else drivers.accel_mps2:g}",
         "decel": f"{decel:g}",

@@ -39,7 +39,7 @@ BY_THE_HCM = DriverSpec(name="hcm", calibrated_step_length_s=0.1, calibrated_lat
 # characteristics of starting vehicles); at freeway speeds 1 m/s2 is the low end. Trucks, heavier, less. Both chosen by us.
 ACCEL_MPS2, TRUCK_ACCEL_MPS2 = 1.0, 0.6
 MIN_GAP_M = 3.7  # HCM 7, Chapter 12: jam density 190 pc/mi/lane, 8.5 m a car, of which it takes 4.8 m itself
-CAR_EXTRA_S = 0.86
+CAR_EXTRA_S = 0.75
 TRUCK_EXTRA_S = CAR_EXTRA_S + 7.2 / 15  # a truck is 7.2 m longer than a car; at 15 m/s, where a queue dissolves
 
 
