@@ -259,14 +259,14 @@ def test_drivers_that_leave_all_out_are_sumos_but_for_the_loaded_truck() -> None
     left_out = DRIVER_PRESETS["uncalibrated"].model_dump(exclude={"name"})
     assert left_out == {
         "tau_s": 1.0, "accel_mps2": 2.6, "truck_tau_s": 1.0, "truck_accel_mps2": 1.0, "min_gap_m": 2.5, "sigma": 0.5,
-        "lc_assertive": 1.0, "lc_lookahead_left": 2.0, "calibrated_step_length_s": None,
+        "lc_assertive": 1.0, "lc_cooperative": 1.0, "lc_lookahead_left": 2.0, "calibrated_step_length_s": None,
         "calibrated_lateral_resolution_m": None,
     }  # fmt: skip
 
 
 def test_fitted_time_gaps_are_the_queues_headway_less_what_was_fitted() -> None:
     drivers = hcm_drivers(1500.0)  # a headway of 2.4 s
-    assert drivers.tau_s == pytest.approx(2.4 - 0.75)
-    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - 0.75 - 7.2 / 15)
+    assert drivers.tau_s == pytest.approx(2.4 - 0.8)
+    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - 0.8 - 7.2 / 15)
     assert (drivers.lc_assertive, drivers.lc_lookahead_left) == (1.3, 1.0)
     assert (drivers.calibrated_step_length_s, drivers.calibrated_lateral_resolution_m) == (0.1, 0.45)

@@ -211,5 +211,6 @@ def _driver(
         "minGap": f"{drivers.min_gap_m:g}",
         "sigma": f"{drivers.sigma:g}",
         "lcAssertive": f"{drivers.lc_assertive:g}",
+        "lcCooperative": f"{drivers.lc_cooperative:g}",
         "lcLookaheadLeft": f"{drivers.lc_lookahead_left:g}",
     }
