@@ -26,8 +26,7 @@ from wzsumo.simulation.drivers import DRIVER_PRESETS, DriverSpec
 
 TRUCK_SHARES = (0.0, 0.1)
 DRIVER_KEYS = (
-    "tau_s", "accel_mps2", "truck_tau_s", "truck_accel_mps2", "min_gap_m", "sigma", "lc_assertive", "lc_cooperative",
-    "lc_lookahead_left",
+    "tau_s", "accel_mps2", "truck_tau_s", "truck_accel_mps2", "min_gap_m", "sigma", "lc_assertive", "lc_lookahead_left",
 )  # fmt: skip
 
 

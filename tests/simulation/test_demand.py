@@ -128,6 +128,11 @@ def test_vehicle_that_hardly_moves_hardly_moves_aside(tmp_path: Path) -> None:
     assert {(t["lcMaxSpeedLatStanding"], t["lcMaxSpeedLatFactor"]) for t in types} == {("0.2", "0.2")}
 
 
+def test_every_driver_keeps_the_lane_after_overtaking_and_lets_in_some_of_those_who_must_merge(tmp_path: Path) -> None:
+    types = elements(demand(tmp_path), "vType")
+    assert {(t["lcKeepRight"], t["lcCooperative"]) for t in types} == {("0", "0.5")}
+
+
 def test_every_driver_knows_the_whole_road_ahead(tmp_path: Path) -> None:
     # SUMO's own look ahead ends after 8 edges or 3 km; no road of ours is longer than 20 km.
     assert {float(t["lcStrategicLookahead"]) for t in elements(demand(tmp_path), "vType")} == {20000.0}
@@ -259,7 +264,7 @@ def test_drivers_that_leave_all_out_are_sumos_but_for_the_loaded_truck() -> None
     left_out = DRIVER_PRESETS["uncalibrated"].model_dump(exclude={"name"})
     assert left_out == {
         "tau_s": 1.0, "accel_mps2": 2.6, "truck_tau_s": 1.0, "truck_accel_mps2": 1.0, "min_gap_m": 2.5, "sigma": 0.5,
-        "lc_assertive": 1.0, "lc_cooperative": 1.0, "lc_lookahead_left": 2.0, "calibrated_step_length_s": None,
+        "lc_assertive": 1.0, "lc_lookahead_left": 2.0, "calibrated_step_length_s": None,
         "calibrated_lateral_resolution_m": None,
     }  # fmt: skip
 

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
-    """Print a line a method."""
+    """Print a line a method, and how much of the demand entered where not all did."""
     print(f"{'method':<14} {'outcome':<20} {'precision':>9} {'recall':>7} {'IoU':>6} {'devices m':>10} {'edge m':>7}")
     for name, row in figures["methods"].items():
         numbers = [row[key] for key in ("precision", "recall", "iou", "min_clearance_devices_m", "min_clearance_road_edge_m")]
@@ -48,4 +48,8 @@ def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
         widths = (9, 7, 6, 10, 7)
         told = " ".join(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))
         print(f"{name:<14} {outcome_code(row):<20} {told}")
+    traffic = figures["traffic"]
+    if traffic.get("n_waiting"):
+        asked, waiting = traffic["n_vehicles"], traffic["n_waiting"]
+        print(f"traffic: {asked} vehicles were to enter, {asked - waiting} did, {waiting} still wait at the end of the run")
     print(f"report: {args.out / 'report.html'}")

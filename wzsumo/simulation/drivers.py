@@ -23,9 +23,6 @@ class DriverSpec(Spec):
     min_gap_m: float = Field(2.5, gt=0, le=10)  # between the bumpers of two vehicles that stand; SUMO's default
     sigma: float = Field(0.5, ge=0, le=1)  # dawdling; SUMO's default
     lc_assertive: float = Field(1.0, gt=0, le=10)  # a driver accepts gaps smaller by this factor; SUMO's default
-    lc_cooperative: float = Field(
-        1.0, ge=0, le=1
-    )  # how far a driver slows down for others who must merge; SUMO's default: fully
     # SUMO's default: drivers look twice as far ahead for changes to the left as to the right; 1: as far.
     lc_lookahead_left: float = Field(2.0, gt=0, le=10)
     calibrated_step_length_s: float | None = None  # None: not calibrated, goes with any step length
@@ -42,9 +39,6 @@ BY_THE_HCM = DriverSpec(name="hcm", calibrated_step_length_s=0.1, calibrated_lat
 # characteristics of starting vehicles); at freeway speeds 1 m/s2 is the low end. Trucks, heavier, less. Both chosen by us.
 ACCEL_MPS2, TRUCK_ACCEL_MPS2 = 1.0, 0.6
 MIN_GAP_M = 3.7  # HCM 7, Chapter 12: jam density 190 pc/mi/lane, 8.5 m a car, of which it takes 4.8 m itself
-# With 1 a driver of an open lane lets in everybody and stands while the closing lane drives past; with 0 the closing lane
-# stands. At three times the demand of two zones (seed 143) a vehicle stood for a minute with either, with 0.5 none did.
-LC_COOPERATIVE = 0.5
 CAR_EXTRA_S = 0.8
 TRUCK_EXTRA_S = CAR_EXTRA_S + 7.2 / 15  # a truck is 7.2 m longer than a car; at 15 m/s, where a queue dissolves
 
@@ -60,7 +54,7 @@ def hcm_drivers(discharge_pcphpl: float, *, name: str = BY_THE_HCM.name) -> Driv
     fitted = {
         "name": name, "tau_s": round(headway_s - CAR_EXTRA_S, 3), "accel_mps2": ACCEL_MPS2,
         "truck_tau_s": round(TRUCK_EQUIVALENT_PC * headway_s - TRUCK_EXTRA_S, 3), "truck_accel_mps2": TRUCK_ACCEL_MPS2,
-        "min_gap_m": MIN_GAP_M, "lc_assertive": 1.3, "lc_cooperative": LC_COOPERATIVE, "lc_lookahead_left": 1.0,
+        "min_gap_m": MIN_GAP_M, "lc_assertive": 1.3, "lc_lookahead_left": 1.0,
     }  # fmt: skip
     return BY_THE_HCM.model_copy(update=fitted)
 
