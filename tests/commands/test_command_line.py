@@ -66,7 +66,7 @@ def straight_trace_file(path: Path) -> None:
         ({"duration_s": "duration_s = 120"}, ["demand.warm_up_s=120", "shorter than duration_s=120"]),
         (
             {"flow_vph": "flow_vph = 9000", "drivers": 'drivers = "uncalibrated"'},
-            ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 5669 veh/h"],
+            ["demand.flow_vph=9000", "lane 1 would get 3300 veh/h", "give at most 6802 veh/h"],
         ),
         ({"length_ft": "length_ft = 4000"}, ["the zone ends at", "lengthen the road by 860 ft"]),
         (
