@@ -32,7 +32,7 @@ LANES = {"2_to_1": (2, (1,)), "3_to_2": (3, (2,)), "3_to_1": (3, (2, 1))}
 ZONE_CLASSES = tuple(f"{lanes}_{area}" for lanes in LANES for area in ("urban", "rural"))
 # Demand as a share of the HCM's capacity from these times [s] on. It rises so slowly that the 15 minutes before the breakdown
 # tell the capacity, and it ends so far above it that every run breaks down.
-DEMAND_RAMP = ((0.0, 0.85), (480.0, 0.9), (960.0, 0.95), (1440.0, 1.0), (1920.0, 1.05), (2400.0, 1.1), (2880.0, 1.25))
+DEMAND_RAMP = ((0.0, 0.75), (480.0, 0.8), (960.0, 0.85), (1440.0, 0.9), (1920.0, 0.95), (2400.0, 1.0), (2880.0, 1.25))
 LONGEST_MIN = 80
 DISCHARGE_MIN = 15  # minutes that are counted, once a queue has stood for 8: the HCM means 15-minute flows
 UPSTREAM_M = 320.0  # ahead of the closing lane's end, where a queue is looked for

@@ -103,7 +103,7 @@ def table_of(rows: pd.DataFrame) -> str:
         total, mean = part.sum(numeric_only=True), part.mean(numeric_only=True)
         merged = "" if part["q50"].isna().all() else f"{mean['q10']:.0f}, {mean['q50']:.0f}, {mean['q90']:.0f}"
         lines.append(
-            f"| `{zone}` | {times:g} | {len(part)} | {total['asked']}, {total['entered']}, {total['waiting']} | "
+            f"| `{zone}` | {times:g} | {len(part)} | {total['asked']:.0f}, {total['entered']:.0f}, {total['waiting']:.0f} | "
             f"{total['in_closed_area']:.0f} | {total['overlapping']:.0f} | {part['locked_s'].notna().sum()} | "
             f"{total['ttc_below_1.5_s']:.0f} | {total['pet_below_1_s']:.0f} | {mean['throughput_vph']:,.0f} | "
             f"{mean['mean_delay_s']:.1f} | {merged} |"
