@@ -47,13 +47,23 @@ def main() -> None:
         _draw(placed, pd.concat(speeds)).savefig(args.out / "placed.png")
 
 
-def place_example(folder: Path, *, routes: Path) -> Path:
-    """The folder that `wzsumo place` writes for the freeway of the example with this demand."""
+def place_example(folder: Path, *, routes: Path, position: float = 300.0) -> Path:
+    """The folder that `wzsumo place` writes for the freeway of the example with this demand, at a position [m] of its edge."""
     net = folder / "freeway.net.xml"
     plain = ["-n", str(HERE / "freeway.nod.xml"), "-e", str(HERE / "freeway.edg.xml")]
     options = ["--ramps.guess", "--no-turnarounds", "-o", str(net), "--no-warnings", "--xml-validation", "never"]
     subprocess.run([str(sumo_binary("netconvert")), *plain, *options], check=True, capture_output=True)
-    command = ["place", str(net), "--zone", str(HERE / "zone.toml"), "--at", "m3", "300", "--out", str(folder / "placed")]
+    command = [
+        "place",
+        str(net),
+        "--zone",
+        str(HERE / "zone.toml"),
+        "--at",
+        "m3",
+        f"{position:g}",
+        "--out",
+        str(folder / "placed"),
+    ]
     files = ["--routes", str(routes), "--additionals", str(HERE / "freeway.add.xml")]
     subprocess.run([sys.executable, "-m", "wzsumo", *command, *files], check=True, capture_output=True)
     return folder / "placed"

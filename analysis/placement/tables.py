@@ -36,7 +36,10 @@ def places_table() -> str:
 
 def open_table() -> str:
     rows = pd.read_csv(DOCS / "results" / "placement_open.csv")
-    titles = {"i24b": "Interstate 24, light traffic", "ramps": "freeway with ramps, 5,400 veh/h"}
+    titles = {
+        "i24b": "Interstate 24, light traffic", "ramps": "freeway with ramps, 5,400 veh/h",
+        "ingolstadt21": "Ingolstadt, ahead of a signal, 30 min",
+    }  # fmt: skip
     lines = ["| network | seeds | mean duration [s] | difference [%] with 95 % interval | teleports | emergency stops |",
              "|---|---|---|---|---|---|"]  # fmt: skip
     for name, title in titles.items():
@@ -50,6 +53,43 @@ def open_table() -> str:
         lines.append(
             f"| {title} | {len(share)} | {before.mean():.1f} | {share.mean():+.2f} ± {half:.2f} | {pairs[0]} | {pairs[1]} |"
         )
+    return "\n".join(lines)
+
+
+def ways_table() -> str:
+    rows = pd.read_csv(DOCS / "results" / "todays_ways.csv")
+    lines = ["| way | demand [veh/h] | past the work [veh/h] (range over seeds) | over the closed ground | of vehicles |",
+             "|---|---|---|---|---|"]  # fmt: skip
+    for (way, demand), part in rows.groupby(["way", "demand_vph"], sort=False):
+        flow = part["past_work_vph"]
+        told = f"{flow.mean():,.0f} ({flow.min():,.0f} to {flow.max():,.0f})"
+        over, all_ = part["over_closed_ground"].sum(), part["vehicles_on_edge"].sum()
+        lines.append(f"| {way} | {demand:,} | {told} | {over:.0f} | {all_:,.0f} |")
+    return "\n".join(lines)
+
+
+def discharge_table() -> str:
+    rows = pd.read_csv(DOCS / "results" / "placed_discharge.csv")
+    lines = ["| zone | seeds | discharge [veh/h] | manual | difference [%] | over the closed ground | merge positions [m] |",
+             "|---|---|---|---|---|---|---|"]  # fmt: skip
+    for zone, part in rows.groupby("zone", sort=False):
+        flow, manual = part["queue_discharge_vph"], part["hcm_queue_discharge_vph"]
+        share = 100 * (flow / manual - 1)
+        merges = " / ".join(f"{part[f'merge_q{q}_m'].mean():.0f}" for q in (10, 50, 90))
+        lines.append(
+            f"| {zone} | {len(part)} | {flow.mean():,.0f} | {manual.mean():,.0f} | {share.mean():+.1f} ({share.min():+.1f} to "
+            f"{share.max():+.1f}) | {part['n_over_closed_ground'].sum():.0f} of {part['n_passed'].sum():.0f} | {merges} |"
+        )
+    return "\n".join(lines)
+
+
+def study_table() -> str:
+    rows = pd.read_csv(DOCS / "results" / "network_study.csv")
+    lines = ["| measure | change | 95 % interval | seeds |", "|---|---|---|---|"]
+    lines += [
+        f"| {row.meaning} [{row.unit}] | {row.mean:+.2f} | {row.low:+.2f} to {row.high:+.2f} | {row.n} |"
+        for row in rows.itertuples(index=False)
+    ]
     return "\n".join(lines)
 
 
@@ -68,7 +108,10 @@ def example_table() -> str:
 
 def main() -> None:
     results, guide = DOCS / "results" / "placement.md", DOCS / "guide" / "place.md"
-    tables = ((results, "places", places_table), (results, "open", open_table))
+    tables = (
+        (results, "places", places_table), (results, "open", open_table), (results, "ways", ways_table),
+        (results, "discharge", discharge_table), (results, "study", study_table),
+    )  # fmt: skip
     differing = []
     for page, mark, make in (*tables, (guide, "table", example_table)):
         text = page.read_text(encoding="utf-8")

@@ -26,6 +26,8 @@ DEMANDS_VPH = (3000, 5400)
 COUNTED_S = (300.0, 1200.0)
 STEP_S = 0.5
 CONE_EVERY_M = 20.0
+# Of the example's zone, from its first device: where its taper ends, and where the edge is cut within the taper.
+TAPER_END_M, CUT_M = 247.6, 89.1
 ZONE_EDGE = "m3"
 OPTIONS = ("--step-length", f"{STEP_S:g}", "--end", "1200", "--no-step-log", "--no-warnings", "--xml-validation", "never")
 CONES = (
@@ -38,13 +40,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4, 5])
     parser.add_argument("--demands", type=int, nargs="+", default=list(DEMANDS_VPH))
+    parser.add_argument("--ways", nargs="+", default=[], help="of the table's first column; all where none are named")
     parser.add_argument("--out", type=Path, required=True)
     args = parser.parse_args()
     rows = []
     for flow in args.demands:
         with tempfile.TemporaryDirectory() as folder:
             placed = place_example(Path(folder), routes=_routes(flow, Path(folder)))
-            for way, words in _ways(placed, Path(folder)).items():
+            cut_later = Path(folder) / "cut_later"
+            cut_later.mkdir()
+            place_example(cut_later, routes=_routes(flow, cut_later), position=300.0 + TAPER_END_M - CUT_M)
+            ways = _ways(placed, cut_later / "placed", Path(folder))
+            for way, words in ((way, words) for way, words in ways.items() if way in args.ways or not args.ways):
                 for seed in args.seeds:
                     row = {"way": way, "demand_vph": flow, "seed": seed} | _run(placed, words, seed)
                     rows.append(row)
@@ -63,7 +70,7 @@ def _routes(flow: int, folder: Path) -> Path:
     return path
 
 
-def _ways(placed: Path, folder: Path) -> dict[str, list[str]]:
+def _ways(placed: Path, cut_later: Path, folder: Path) -> dict[str, list[str]]:
     """SUMO's words by the name of each way."""
     devices = pd.read_csv(placed / "devices.csv")
     span = float(devices["s_m"].max() - devices["s_m"].min())
@@ -80,7 +87,8 @@ def _ways(placed: Path, folder: Path) -> dict[str, list[str]]:
         for n, at in enumerate(np.arange(300.0, 300.0 + span, CONE_EVERY_M)[::-1])
     )
     cones.write_text(f"<additional>{CONES}{stopped}</additional>")
-    original, opened, closed = (str(placed / name / "run.sumocfg") for name in ("original", "open", "closed"))
+    original, closed = (str(placed / name / "run.sumocfg") for name in ("original", "closed"))
+    opened = str(cut_later / "open" / "run.sumocfg")
     return {
         "placed zone": ["-c", closed],
         "lane barred on the whole edge": ["-c", original, "-a", str(bars["edge"])],

@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from wzsumo.placement.demand_files.vehicle_sizes import CLASS_SIZES, vehicle_siz
 from wzsumo.placement.study.corridor_edges import road_edges
 from wzsumo.placement.xml_file import XmlFile
 from wzsumo.scenario.scenario import load_scenario
-from wzsumo.simulation.connection import connected_library
+from wzsumo.simulation.connection import connected_library, sumo_binary
 from wzsumo.simulation.files import SumoFiles
 
 
@@ -72,3 +73,9 @@ def test_sizes_of_vehicle_classes_are_sumos_own(tmp_path: Path) -> None:
         known = {name: (sumo.vehicletype.getLength(name), sumo.vehicletype.getWidth(name)) for name in sizes}
     assert sizes == {name: pytest.approx(size) for name, size in known.items()}
     assert sizes["own"] == (18.25, 2.5)
+
+
+def test_sumo_takes_the_configuration_without_a_word() -> None:
+    command = [str(sumo_binary("sumo")), "-c", str(files().config), "--end", "28805"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -72,8 +72,10 @@ def _write_study_config(folder: Path, options: dict[str, str]) -> Path:
     file = XmlFile.read(folder / CONFIG, role="the configuration")
     edits, found = Edits(file), list[Element]()
     root = file.root_and_children(found.append)
-    for item in (item for section in found for item in section.walk()):
-        if not item.children and (item.tag in OWN_OPTIONS or "output" in item.tag):
+    for section in found:
+        own = [item for item in section.children or [section] if item.tag in OWN_OPTIONS or "output" in item.tag]
+        # A section that is left without options would itself be taken for one.
+        for item in [section] if len(own) == len(section.children or [section]) else own:
             edits.replace(item.begin, item.end, "")
     rows = "".join(f'        <{key} value="{escaped(value)}"/>\n' for key, value in options.items())
     edits.insert(file.data.rindex(b"</", root.begin, root.end), f"    <study>\n{rows}    </study>\n")
