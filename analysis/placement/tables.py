@@ -68,21 +68,6 @@ def ways_table() -> str:
     return "\n".join(lines)
 
 
-def discharge_table() -> str:
-    rows = pd.read_csv(DOCS / "results" / "placed_discharge.csv")
-    lines = ["| zone | seeds | discharge [veh/h] | manual | difference [%] | over the closed ground | merge positions [m] |",
-             "|---|---|---|---|---|---|---|"]  # fmt: skip
-    for zone, part in rows.groupby("zone", sort=False):
-        flow, manual = part["queue_discharge_vph"], part["hcm_queue_discharge_vph"]
-        share = 100 * (flow / manual - 1)
-        merges = " / ".join(f"{part[f'merge_q{q}_m'].mean():.0f}" for q in (10, 50, 90))
-        lines.append(
-            f"| {zone} | {len(part)} | {flow.mean():,.0f} | {manual.mean():,.0f} | {share.mean():+.1f} ({share.min():+.1f} to "
-            f"{share.max():+.1f}) | {part['n_over_closed_ground'].sum():.0f} of {part['n_passed'].sum():.0f} | {merges} |"
-        )
-    return "\n".join(lines)
-
-
 def study_table() -> str:
     rows = pd.read_csv(DOCS / "results" / "network_study.csv")
     lines = ["| measure | change | 95 % interval | seeds |", "|---|---|---|---|"]
@@ -110,7 +95,7 @@ def main() -> None:
     results, guide = DOCS / "results" / "placement.md", DOCS / "guide" / "place.md"
     tables = (
         (results, "places", places_table), (results, "open", open_table), (results, "ways", ways_table),
-        (results, "discharge", discharge_table), (results, "study", study_table),
+        (results, "study", study_table),
     )  # fmt: skip
     differing = []
     for page, mark, make in (*tables, (guide, "table", example_table)):
