@@ -10,6 +10,7 @@ from wzsumo.errors import InputError, SpecError
 from wzsumo.scenario.facility import NetworkCorridor, OwnRoad
 from wzsumo.scenario.scenario import load_scenario
 from wzsumo.sweep.evaluation.study_case import StudyCase
+from wzsumo.sweep.study_file import load_study
 from wzsumo.units import METRES_PER_FOOT
 
 LIBRARY = Path(__file__).parents[2] / "scenarios"
@@ -57,6 +58,14 @@ def test_what_does_not_go_with_a_network_is_refused_in_one_line(keys: dict[str, 
         load_scenario(path)
     assert str(error.value).startswith(str(path))
     assert "\n" not in str(error.value)
+
+
+def test_network_of_the_library_and_its_study_can_be_run() -> None:
+    scenario = load_scenario(LIBRARY / "networks" / "freeway.toml")
+    assert scenario.layout().area("activity area").length == pytest.approx(500 * METRES_PER_FOOT)
+    study = load_study(LIBRARY / "studies" / "network.toml")
+    assert [case.scenario.seed for case in study.cases] == [31, 32, 33, 34, 35]
+    assert {case.scenario.network for case in study.cases} == {scenario.network}
 
 
 def test_scenario_with_both_a_road_and_a_network_or_with_neither_is_refused() -> None:

@@ -43,19 +43,20 @@ def draw_network(run: ResultFolder) -> Figure:
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.autoscale_view()
     axes.margins(0.03, 0.15)
-    axes.legend(loc="best", frameon=False)
+    figure.legend(loc="outside upper right", frameon=False)
     ticks = _ticks(largest)
     bar = figure.colorbar(ScalarMappable(norm=norm, cmap=_COLOURS), ax=axes, shrink=0.9, pad=0.01, ticks=ticks)
-    bar.ax.set_yticklabels([f"{tick:+g}" if tick else "0" for tick in ticks])
+    bar.ax.set_yticklabels([f"{tick:+.2g}" if tick else "0" for tick in ticks])
     bar.ax.minorticks_off()
     bar.set_label("change of delay [veh min]")
     return figure
 
 
 def _ticks(largest: float) -> list[float]:
-    """0 and the powers of ten to both sides, up to the largest change."""
+    """0, the powers of ten to both sides, and the largest change where it is well above them."""
     powers = [10.0**n for n in range(int(np.floor(np.log10(largest))) + 1)]
-    return [*(-power for power in reversed(powers)), 0.0, *powers]
+    marks = [*powers, largest] if largest > 2 * powers[-1] else powers
+    return [*(-mark for mark in reversed(marks)), 0.0, *marks]
 
 
 def _points(shape: str) -> FloatArray:

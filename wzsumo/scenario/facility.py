@@ -140,9 +140,15 @@ def content_of(section: NetworkSection) -> str:
     return digest.hexdigest()
 
 
-@lru_cache(maxsize=2)  # a network of 20 MB takes seconds to read
+@lru_cache(maxsize=1)  # a network of 20 MB takes seconds to read
+def _net(path: Path, _stamp: int) -> Net:
+    return Net.read(path)
+
+
+@lru_cache(maxsize=2)
 def _placed(section: NetworkSection, work_zone: WorkZone, _stamps: tuple[tuple[Path, int], ...]) -> NetworkCorridor:
-    configuration, net = _configuration(section), Net.read(section.net)
+    configuration = _configuration(section)
+    net = _net(section.net, section.net.stat().st_mtime_ns) if section.net.exists() else Net.read(section.net)
     place = (section.edge, section.position_m or 0.0) if section.edge else edge_near(net, *section.latlon)
     shoulders = Shoulders(left_shoulder_ft=section.left_shoulder_ft, right_shoulder_ft=section.right_shoulder_ft)
     zone = ZoneToPlace(work_zone=work_zone.model_dump(exclude={"start_ft"}), road=shoulders)
