@@ -1,12 +1,14 @@
 """LiveMap: changes are found and named, none is found where there is none, and it stays as small as it began."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from live.streams_of_traces import CLOSED_M, keeps_lane, merges_at, reading, two_lane_map
 
 from wzsumo.frames import FloatArray
+from wzsumo.lane_map import MappedBranch
 from wzsumo.live.alarms import Alarm, Kind
 from wzsumo.live.live_map import LiveMap, live_map, with_trace
 from wzsumo.live.stream.state_file import state_bytes
@@ -94,6 +96,26 @@ def test_a_closed_road_is_named_after_four_vehicles(settled: LiveMap) -> None:
     assert step.alarm is not None
     assert step.alarm.change.kind is Kind.ROAD_CLOSED
     assert step.alarm.change.start_m == pytest.approx(700, abs=60)
+
+
+def test_an_exit_that_nobody_takes_any_more_is_named_after_twelve_missed_ones() -> None:
+    along = np.arange(0.0, 250.0, 10.0)
+    lanes = two_lane_map()
+    line = lanes.axis.to_xy(300.0 + along, 1.8 - 0.08 * along)
+    branch = MappedBranch(line=line, width=np.full(len(along), 3.2), p_open=0.95, n_traces=10)
+    live = live_map(replace(lanes, branches=(branch,)))
+
+    def takes_exit(number: int) -> Callable[[FloatArray], FloatArray]:
+        if number % 4:
+            return merges_at(number)
+        return lambda s: -np.clip(s - 300.0, 0.0, 250.0) * 0.08 / 3.6
+
+    live, alarms = driven(live, range(160), takes_exit)
+    assert alarms == []
+    live, alarms = driven(live, range(160, 240), merges_at)
+    assert alarms[0].change.kind is Kind.EXIT_CLOSED
+    assert alarms[0].trace - 160 <= 12 * 4
+    assert live.ground.lanes.branches[0].p_open < 0.2
 
 
 def test_a_long_gap_between_traces_is_told_as_silence_and_changes_no_lane(settled: LiveMap) -> None:

@@ -62,7 +62,7 @@ def fit_shift(
                         for trace in traces])[:, low:high]  # fmt: skip
     noise, walk = np.array([trace.noise for trace in traces]), np.array([trace.walk for trace in traces])
     index = np.arange(m, dtype=float)
-    shapes = np.array([_trapezoid(index, *candidate) for candidate in candidates])[:, low:high]
+    shapes = _trapezoid(index[low:high], *(candidates[:, column, None] for column in range(4)))
     score, information = _scores(offsets, np.isfinite(offsets), noise, walk, shapes)
     size = score / np.maximum(information, 1e-9)
     gain = np.where((size > 0) == positive, 0.5 * score * size, 0.0)
@@ -81,10 +81,14 @@ def fit_shift(
     )  # fmt: skip
 
 
-def _trapezoid(at: FloatArray, start: float, start_ramp: float, end: float, end_ramp: float) -> FloatArray:
-    up = np.clip((at - start) / max(start_ramp, 1e-6) + 0.5, 0.0, 1.0)
-    down = np.clip((end - at) / max(end_ramp, 1e-6) + 0.5, 0.0, 1.0)
-    return np.minimum(up, down)
+Number = float | FloatArray
+
+
+def _trapezoid(at: FloatArray, start: Number, start_ramp: Number, end: Number, end_ramp: Number) -> FloatArray:
+    """Trapezoids of height 1 (..., n), broadcast."""
+    up = np.clip((at - start) / np.maximum(start_ramp, 1e-6) + 0.5, 0.0, 1.0)
+    down = np.clip((end - at) / np.maximum(end_ramp, 1e-6) + 0.5, 0.0, 1.0)
+    return np.asarray(np.minimum(up, down))
 
 
 @numba.njit(cache=True, nogil=True)

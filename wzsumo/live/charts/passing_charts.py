@@ -16,6 +16,7 @@ LEAST_ENDING = 0.05  # share below which no habit is trusted: trips end, devices
 ENDING_SHOWN, PASSING_ODD = 0.95, 0.05  # of traces on a closed road that end there; that seem to go on
 EXIT_PRIOR = (0.5, 4.5)
 EXIT_DRIFT = 0.9  # an exit's share may sink to this part of what it was, from day to day
+GATE_CELLS = 4  # behind where a branch is clear of the lanes, whose median tells who takes it
 STILL_EXITS = 0.05  # share of the former exits that seem to be taken although the exit is closed
 RATE_TRACES = 40.0  # over which the time between traces is averaged
 MOST_GAPS = 8.0  # usual times between traces, as which a longer one counts
@@ -118,13 +119,12 @@ def _with_exits(
             continue
         station, offset, side = gate
         cell = int(np.clip((station - ground.cells[0]) / ground.spacing + 0.5, 0, len(ground.cells) - 1))
-        near = np.flatnonzero(reading.found[max(cell - 2, 0) : cell + 3]) + max(cell - 2, 0)
-        if not near.size or reading.first > cell - 2:
+        behind = slice(cell, cell + GATE_CELLS)
+        if reading.first > cell - 2 or not reading.found[behind].any():
             continue
-        at = near[np.argmin(np.abs(near - cell))]
-        informs[index] = True
         outer = 0.0 if side < 0 else ground.width * (ground.n_lanes - 1)
-        takes[index] = side * (reading.offset[at] - (offset + outer) / 2) > 0
+        informs[index] = True
+        takes[index] = side * (np.median(reading.offset[behind][reading.found[behind]]) - (offset + outer) / 2) > 0
     share, sd = _share(charts.exiting + EXIT_PRIOR, sds=0.0)
     share = np.maximum(share - sd, 0.0) * EXIT_DRIFT
     says = np.where(takes, np.log(STILL_EXITS), np.log((1 - STILL_EXITS * share) / (1 - share)))
