@@ -71,9 +71,8 @@ def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callabl
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
             try:
                 for line in process.stdout or ():
-                    words = line.removeprefix(_STEP_LOG_PREFIX).split()
-                    if line.startswith(_STEP_LOG_PREFIX) and len(words) > 1:  # its last line may be cut short
-                        on_second(float(words[0]) - files.begin)
+                    if line.startswith(_STEP_LOG_PREFIX) and line.endswith("\n"):  # its last line may be cut short
+                        on_second(float(line.removeprefix(_STEP_LOG_PREFIX).split()[0]) - files.begin)
             except BaseException:
                 process.kill()  # an interrupted program leaves no SUMO behind
                 raise
