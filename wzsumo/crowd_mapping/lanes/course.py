@@ -192,7 +192,7 @@ def _shift_information(shift: float) -> float:
 
 def start_shift(offset: FloatArray, prior: CoursePrior) -> float:
     """The shift [m] at which most of the known road lies under a course; 0 where nothing is known."""
-    known = prior.known > 1e-3
+    known = prior.known > max(1e-3, 0.5 * prior.known.max())
     return float(np.median(offset[known])) if known.any() else 0.0
 
 

@@ -14,7 +14,8 @@ from wzsumo.frames import FloatArray
 
 ROAD_SD_M = 0.1  # of a drawn road against the true one: lane lines are surveyed to some centimetres
 ROAD_WEIGHT = 1 / 6  # of each station's statement, since a drawing errs over hundreds of metres alike
-ZONE_MARGIN_M = 150.0  # around the announced zone within which lanes may already be moved
+ZONE_MARGIN_SDS = 3.0  # of the announced ends, around the zone within which lanes may already be moved
+ZONE_WEIGHT = 0.1  # of the road's statement there: most zones move no open lane. Chosen by us
 STRIPED_WIDTH_SD_M = 0.03
 SHIFTS_M = np.arange(-7.0, 7.1, 1.0)  # of all positions, from which a fit is tried
 RIVAL = 30.0  # nats behind the likeliest start, within which the road as it was is tried too
@@ -45,10 +46,10 @@ def fit_to_road(observations: Observations, before: MapBefore, *, off_lane: bool
 
 
 def _known(stations: FloatArray, before: MapBefore) -> FloatArray:
-    """Information (stations,) [1/m^2] that the lanes lie where the road has them; nearly none in the announced zone."""
+    """Information (stations,) [1/m^2] that the lanes lie where the road has them; less in the announced zone."""
     information = np.full(len(stations), ROAD_WEIGHT / ROAD_SD_M**2)
     if before.announced is not None:
         zone = before.announced
-        inside = (stations > zone.start_m - ZONE_MARGIN_M) & (stations < zone.end_m + ZONE_MARGIN_M)
-        information[inside] = 1e-6
+        start, end = zone.start_m - ZONE_MARGIN_SDS * zone.start_sd_m, zone.end_m + ZONE_MARGIN_SDS * zone.end_sd_m
+        information[(stations > start) & (stations < end)] *= ZONE_WEIGHT
     return information
