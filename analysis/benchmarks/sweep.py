@@ -25,7 +25,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
 
 import numpy as np
 
-from wzsumo.case.crowd import learn_from, reported_traces
+from wzsumo.case.crowd import Crowd, reported_traces
 from wzsumo.case.map_method import CrowdMethod
 from wzsumo.case.plans import plan_for
 from wzsumo.scenario.site import prepare_site
@@ -103,12 +103,12 @@ def kernels_s(study: Study) -> float:
         used = reported_traces(over_zone, case.scenario, which="used")
 
         def kernels() -> None:
-            crowd = learn_from(used, road=site.layout.road, spec=case.scenario.mixture, seed=case.scenario.seed)
+            crowd = Crowd(traces=used, road=site.layout.road, spec=case.scenario.mixture, seed=case.scenario.seed)
             method = case.map_method
             if not isinstance(method, CrowdMethod):
                 raise TypeError(f"{method.name}: the benchmark is of methods that map the crowd's traces")
-            grid = method.map_of_crowd(crowd, scenario=case.scenario, site=site)
-            plan_for(method, grid, scenario=case.scenario, site=site, crowd=crowd)
+            made = method.map_of_crowd(crowd, scenario=case.scenario, site=site)
+            plan_for(method, made, scenario=case.scenario, site=site)
 
         return _processor_s(kernels)
 

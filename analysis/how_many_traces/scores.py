@@ -8,13 +8,14 @@ import pandas as pd
 from generator import GeneratedZone
 from zones import ZONES
 
-from wzsumo.case.plans import nominal_guide
+from wzsumo.case.map_method import MadeMap, lines_of_lanes
+from wzsumo.case.methods import METHODS
+from wzsumo.case.plans import plan_for
 from wzsumo.crowd_mapping.lanes.raster import occupancy_grid, p_occupied
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import FREE_THRESHOLD, UNKNOWN
 from wzsumo.lane_map import LaneMap
 from wzsumo.metrics.clearance import clearance_along
-from wzsumo.planning.plan import plan_path
 from wzsumo.scenario.road_before import map_before_of
 from wzsumo.scenario.site import prepare_site
 
@@ -107,9 +108,8 @@ class SumoZone:
         site = prepare_site(fine)
         learned = occupancy_grid(lanes, site.cells)
         grid = learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
-        plan = plan_path(
-            grid, start=site.start, goal=site.goal, vehicle=fine.vehicle, spec=fine.planner, guide=nominal_guide(site)
-        )
+        made = MadeMap(grid, {}, lanes, lines=lines_of_lanes(lanes))
+        plan = plan_for(METHODS["lanes"], made, scenario=fine, site=site)
         if plan.path is None:
             return {"plan": str(plan.status)}
         return {"plan": str(plan.status)} | asdict(clearance_along(plan.path.poses, vehicle=fine.vehicle, layout=self.layout))

@@ -141,7 +141,7 @@ def row_of(case: Case, *, joined: bool, method: str, seed: int) -> dict[str, Any
         usable = usable_traces(case.traces, source="traces").traces
         if before:
             check_on_road(usable, before, source="traces", road_source="road")
-        grid, learned, _ = map_of_traces(
+        made = map_of_traces(
             usable,
             crowd_method(method, road=None),
             source="traces",
@@ -156,7 +156,8 @@ def row_of(case: Case, *, joined: bool, method: str, seed: int) -> dict[str, Any
         text = FAULT + traceback.format_exc(limit=-2).replace("\n", " | ")
         return {"error": text, "cpu_s": time.process_time() - start}
     cpu_s = time.process_time() - start
-    return scores(grid, case.drivable, case.scored, usable) | {
+    learned = made.figures
+    return scores(made.grid, case.drivable, case.scored, usable) | {
         "n_used": usable["vehicle_id"].nunique(),
         "cpu_s": cpu_s,
         "open_lanes": learned.get("open_lanes"),

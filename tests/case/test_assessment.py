@@ -8,7 +8,8 @@ from builders import straight_traces
 from case.finished_plans import SAFE_Y, coarse_paper, coarse_site, plan_of, run_along, straight_path
 
 from wzsumo.case.assessment import assess, goal_figures
-from wzsumo.case.crowd import learn_from
+from wzsumo.case.crowd import Crowd
+from wzsumo.case.map_method import MadeMap
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.ego import EgoRun, Outcome, Replan
 from wzsumo.grid import OccupancyGrid
@@ -23,7 +24,7 @@ def truth_map() -> OccupancyGrid:
 
 def figures_of(plan: Plan, run: EgoRun | None = None, *, grid: OccupancyGrid | None = None, **given: Any) -> dict[str, Any]:
     given = {"crowd": None, "over_zone": OVER_ZONE, "scenario": coarse_paper(), "site": coarse_site()} | given
-    return assess(grid or truth_map(), plan, run, **given)
+    return assess(MadeMap(grid or truth_map(), {"n_components": 1} if given["crowd"] else {}), plan, run, **given)
 
 
 def test_clearance_of_a_method_is_that_of_its_drive() -> None:
@@ -98,7 +99,7 @@ def test_map_is_counted_against_the_drivable_area_of_the_zone_alone() -> None:
 
 def test_figures_name_the_traces_and_components_of_a_crowd_and_none_of_another_source() -> None:
     traces = pd.concat([OVER_ZONE, OVER_ZONE.assign(vehicle_id=OVER_ZONE["vehicle_id"] + "b")])
-    crowd = learn_from(traces, road=coarse_site().layout.road, spec=MixtureSpec(k_max=1), seed=1)
+    crowd = Crowd(traces=traces, road=coarse_site().layout.road, spec=MixtureSpec(k_max=1), seed=1)
     figures = figures_of(plan_of(None), crowd=crowd)
     assert (figures["n_traces"], figures["n_components"]) == (4, 1)
     figures = figures_of(plan_of(None))

@@ -88,7 +88,7 @@ def test_steps_of_a_case_come_in_the_order_of_the_paper(events: list[Any]) -> No
     assert given["seed"] == 5
     assert later == ["fleet", "kernels", "plan hd_map", "plan hd_map_devices"]
     assert list(result.seconds) == [
-        "network", "fleet", "traffic measures", "mixture", "map hd_map", "drive hd_map", "map hd_map_devices",
+        "network", "fleet", "traffic measures", "map hd_map", "drive hd_map", "map hd_map_devices",
         "drive hd_map_devices",
     ]  # fmt: skip
 
@@ -132,7 +132,6 @@ def test_progress_of_the_fleet_is_told_in_seconds_of_its_simulation(events: list
     assert events
     assert told[0] == ("fleet in SUMO", 300.0, 150.0)
     assert ("LiDAR mapping drive", 1.0, 0.5) in told
-    assert ("mixtures", 1.0, 1.0) in told
 
 
 def test_drive_of_a_case_is_told_in_metres_of_its_path(events: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """The ego in SUMO traffic on a road where a lane is closed ahead that its map shows open."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -7,13 +8,14 @@ import numpy as np
 import pytest
 
 from wzsumo.case.closed_loop import Drive, drive_path
-from wzsumo.case.methods import map_of_before
-from wzsumo.case.plans import nominal_guide
+from wzsumo.case.map_method import MadeMap
+from wzsumo.case.methods import METHODS, map_of_before
+from wzsumo.case.plans import plan_for
 from wzsumo.case.replanning import NewMap
 from wzsumo.control.plant import PlantSpec
 from wzsumo.ego import EgoRun, Outcome
 from wzsumo.grid import OccupancyGrid
-from wzsumo.planning.plan import Plan, plan_path
+from wzsumo.planning.plan import Plan
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.scenario import Pose, Scenario
 from wzsumo.scenario.sections import ControlSection
@@ -50,8 +52,8 @@ def files(site: Site, tmp_path_factory: pytest.TempPathFactory) -> SumoFiles:
 
 
 def plan_on(grid: OccupancyGrid, site: Site, start: Pose) -> Plan:
-    spec = PlannerSpec(planned_speed_mps=SPEED)
-    return plan_path(grid, start=start, goal=site.goal, vehicle=CAR, spec=spec, guide=nominal_guide(site))
+    scenario = SCENARIO.model_copy(update={"planner": PlannerSpec(planned_speed_mps=SPEED)})
+    return plan_for(METHODS["hd_map"], MadeMap(grid, {}), scenario=scenario, site=replace(site, start=start))
 
 
 def drive(site: Site, files: SumoFiles, *, new_maps: list[NewMap]) -> EgoRun:

@@ -1,3 +1,4 @@
+from contextlib import nullcontext
 from typing import Literal
 
 import numpy as np
@@ -6,9 +7,9 @@ import pytest
 from builders import straight_traces
 
 from wzsumo.case.crowd import (
+    Crowd,
     collection_figures,
     free_witnessed_ground,
-    learn_from,
     reported_traces,
     traces_over_zone,
     witness_reach_m,
@@ -88,7 +89,13 @@ def test_minutes_to_collect_run_from_the_first_vehicle_to_the_last_of_those_that
 def test_share_of_the_work_that_is_learned_ends_at_one(k_max: int) -> None:
     shares: list[float] = []
     road = PAPER.layout().road
-    learn_from(straight_traces([MIDDLE]), road=road, spec=MixtureSpec(k_max=k_max), seed=1, tell=shares.append)
+    _ = Crowd(
+        traces=straight_traces([MIDDLE]),
+        road=road,
+        spec=MixtureSpec(k_max=k_max),
+        seed=1,
+        fitting=lambda: nullcontext(shares.append),
+    ).sweep
     assert shares[-1] == 1.0
 
 
@@ -118,7 +125,7 @@ def test_reports_are_of_so_many_vehicles_as_are_collected_or_used(which: Literal
 @pytest.mark.parametrize("criterion", ["aic", "bic"])
 def test_mixture_is_the_one_with_the_lowest_criterion_of_the_scenario(criterion: str) -> None:
     traces = straight_traces([1.83, MIDDLE], length_m=200.0)
-    crowd = learn_from(traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=6, criterion=criterion), seed=1)
+    crowd = Crowd(traces=traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=6, criterion=criterion), seed=1)
     table = crowd.sweep.table
     assert crowd.mixture.n_components == table["n_components"].iloc[int(table[criterion].to_numpy().argmin())]
 
@@ -126,14 +133,14 @@ def test_mixture_is_the_one_with_the_lowest_criterion_of_the_scenario(criterion:
 def test_no_component_is_narrower_than_its_least_standard_deviation() -> None:
     traces = straight_traces([MIDDLE], length_m=200.0)  # all on one line
     for least_sd_m in (0.1, 0.4):
-        crowd = learn_from(traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=2, least_sd_m=least_sd_m), seed=1)
+        crowd = Crowd(traces=traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=2, least_sd_m=least_sd_m), seed=1)
         assert np.sqrt(crowd.mixture.covariances[:, 1, 1]) == pytest.approx(least_sd_m, rel=1e-3)
 
 
 def test_copies_of_a_trace_scatter_as_drivers_do_and_widen_the_mixture() -> None:
     traces = straight_traces([MIDDLE], length_m=200.0)
     one, many = (
-        learn_from(traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=2, copies=copies), seed=1).mixture
+        Crowd(traces=traces, road=PAPER.layout().road, spec=MixtureSpec(k_max=2, copies=copies), seed=1).mixture
         for copies in (0, 20)
     )
     assert one.covariances[0, 1, 1] < 0.1**2 < many.covariances[:, 1, 1].max()
@@ -161,3 +168,10 @@ def test_maps_on_the_way_of_more_traces_than_there_are_are_refused_where_the_ego
     assert collection_figures(traces, scenario, drives=False)["n_equipped"] == 5
     with pytest.raises(SpecError, match=r"map_updates\.arrivals\.used=6"):
         collection_figures(traces, scenario, drives=True)
+
+
+def test_mixture_is_fitted_when_it_is_first_asked_for() -> None:
+    crowd = Crowd(traces=straight_traces([MIDDLE]), road=PAPER.layout().road, spec=MixtureSpec(k_max=1), seed=1)
+    assert not crowd.is_fitted
+    assert crowd.mixture.n_components == 1
+    assert crowd.is_fitted

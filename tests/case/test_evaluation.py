@@ -1,4 +1,3 @@
-from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,17 +10,15 @@ from case.finished_plans import SAFE_Y, coarse_paper, coarse_site, plan_of, run_
 
 from wzsumo.case import evaluation
 from wzsumo.case.assessment import assess
-from wzsumo.case.crowd import Crowd, learn_from
 from wzsumo.case.evaluation import MethodResult, drive_plan, evaluate, first_plan, new_maps, plan_to_open_lane, table_row
 from wzsumo.case.map_method import CrowdMethod, MadeMap, MapBeforeMethod, MapMethod, TracesMethod
 from wzsumo.case.methods import METHODS
 from wzsumo.case.sources import Sources
 from wzsumo.case.watch import Watch
 from wzsumo.case.zone import SimulatedZone
-from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.ego import EgoRun
-from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
+from wzsumo.planning.lane_route import LaneLine
 from wzsumo.planning.plan import Plan, PlanStatus
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.sections import MapUpdatesSpec
@@ -30,7 +27,11 @@ from wzsumo.simulation.files import SumoFiles
 PAPER = coarse_paper()
 ARRIVALS = {"arrivals": [{"after_s": 5.0, "used": 2}, {"after_s": 9.0, "used": 3}]}
 ALL_FREE = TracesMethod(
-    name="all_free", title="", make=lambda _traces, task: MadeMap(task.cells.with_p_occupied(np.zeros(task.cells.shape)), {})
+    name="all_free",
+    title="",
+    make=lambda traces, task: MadeMap(
+        task.cells.with_p_occupied(np.zeros(task.cells.shape)), {"n": traces["vehicle_id"].nunique()}
+    ),
 )
 
 
@@ -39,11 +40,6 @@ def with_updates(sets_out_with: str) -> Scenario:
     crowd = PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 1})
     mixture = PAPER.mixture.model_copy(update={"k_max": 1})
     return PAPER.model_copy(update={"map_updates": updates, "crowd": crowd, "mixture": mixture})
-
-
-def crowd_of(offsets: Sequence[float]) -> Crowd:
-    traces = straight_traces(offsets, length_m=1100.0)
-    return learn_from(traces, road=coarse_site().layout.road, spec=MixtureSpec(k_max=1), seed=1)
 
 
 def zone() -> SimulatedZone:
@@ -63,8 +59,8 @@ def planned_on(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """What each plan is asked for; every plan finds the same safe path."""
     asked: list[dict[str, Any]] = []
 
-    def plan_for(method: MapMethod, grid: OccupancyGrid, **given: Any) -> Plan:
-        asked.append({"method": method, "grid": grid} | given)
+    def plan_for(method: MapMethod, made: MadeMap, **given: Any) -> Plan:
+        asked.append({"method": method, "made": made} | given)
         return plan_of(straight_path(SAFE_Y))
 
     monkeypatch.setattr(evaluation, "plan_for", plan_for)
@@ -85,34 +81,27 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
 
 
 def test_ego_sets_out_with_the_methods_own_map(planned_on: list[dict[str, Any]]) -> None:
-    grid, crowd = coarse_site().cells, crowd_of([5.49])
+    made = MadeMap(coarse_site().cells, {})
     for scenario in (PAPER, with_updates("crowd")):
-        first_plan(METHODS["lanes"], grid, scenario=scenario, site=coarse_site(), crowd=crowd)
-        assert planned_on[-1]["grid"] is grid
-        assert planned_on[-1]["crowd"] is crowd
+        first_plan(METHODS["lanes"], made, scenario=scenario, site=coarse_site())
+        assert planned_on[-1]["made"] is made
 
 
-def test_ego_that_sets_out_with_the_map_of_before_takes_its_free_lanes_and_no_guide_of_the_crowd(
+def test_ego_that_sets_out_with_the_map_of_before_takes_its_free_lanes_and_no_lane_of_the_crowd(
     planned_on: list[dict[str, Any]],
 ) -> None:
-    first_plan(
-        METHODS["lanes"],
-        coarse_site().cells,
-        scenario=with_updates("map_of_before"),
-        site=coarse_site(),
-        crowd=crowd_of([5.49]),
-    )
+    made = MadeMap(coarse_site().cells, {}, lines=(LaneLine(stations=np.array([0.0, 9.0]), offsets=np.zeros(2)),))
+    first_plan(METHODS["lanes"], made, scenario=with_updates("map_of_before"), site=coarse_site())
     np.testing.assert_array_equal(
-        planned_on[0]["grid"].p_occupied,
-        METHODS["hd_map"].map_of_zone(sources(PAPER)).p_occupied,
+        planned_on[0]["made"].grid.p_occupied, METHODS["hd_map"].map_of_zone(sources(PAPER)).grid.p_occupied
     )
-    assert planned_on[0]["crowd"] is None
+    assert planned_on[0]["made"].lines == ()
 
 
 def test_map_of_another_source_is_set_out_with_whatever_arrives(planned_on: list[dict[str, Any]]) -> None:
-    grid = coarse_site().cells
-    first_plan(METHODS["slam_raw"], grid, scenario=with_updates("map_of_before"), site=coarse_site(), crowd=None)
-    assert planned_on[0]["grid"] is grid
+    made = MadeMap(coarse_site().cells, {})
+    first_plan(METHODS["slam_raw"], made, scenario=with_updates("map_of_before"), site=coarse_site())
+    assert planned_on[0]["made"] is made
 
 
 def test_maps_of_the_first_two_and_three_traces_arrive_and_are_planned_on_from_where_the_ego_is(
@@ -123,10 +112,10 @@ def test_maps_of_the_first_two_and_three_traces_arrive_and_are_planned_on_from_w
     assert [new.after_s for new in maps] == [5.0, 9.0]
     maps[1].plan((450.0, 5.0, 0.1))
     (asked,) = planned_on
-    assert asked["crowd"].traces["vehicle_id"].nunique() == 3
+    assert asked["made"].figures == {"n": 3}
     assert asked["site"].start == (450.0, 5.0, 0.1)
     assert asked["site"].goal == coarse_site().goal
-    assert asked["grid"].free.all()
+    assert asked["made"].grid.free.all()
 
 
 @pytest.mark.parametrize(("method", "scenario"), [("hd_map", with_updates("crowd")), ("lanes", PAPER)])
@@ -155,22 +144,22 @@ def test_method_is_driven_only_where_the_ego_drives(
     result = evaluate(METHODS["hd_map"], sources(PAPER), scenario=PAPER, site=coarse_site(), drives=drives, watch=watch)
     assert (result.run is not None) == bool(driven) == drives
     assert result.figures["outcome"] == ("REACHED_GOAL" if drives else "NO_PATH")
-    assert planned_on[0]["grid"] is result.grid
+    assert planned_on[0]["made"] is result.made
     assert list(watch.seconds) == ["map hd_map", "drive hd_map"]
 
 
 def test_map_that_is_known_already_is_not_made_again(planned_on: list[dict[str, Any]]) -> None:
-    known = coarse_site().cells
+    known = MadeMap(coarse_site().cells, {})
     result = evaluate(
-        METHODS["hd_map"], sources(PAPER), scenario=PAPER, site=coarse_site(), grid=known, drives=False, watch=Watch()
+        METHODS["hd_map"], sources(PAPER), scenario=PAPER, site=coarse_site(), made=known, drives=False, watch=Watch()
     )
-    assert result.grid is planned_on[0]["grid"] is known
+    assert result.made is planned_on[0]["made"] is known
 
 
 def result_of(plan: Plan, run: EgoRun | None = None) -> MethodResult:
     grid, site = coarse_site().cells, coarse_site()
-    figures = assess(grid, plan, run, crowd=None, over_zone=zone().over_zone, scenario=PAPER, site=site)
-    return MethodResult(grid=grid, plan=plan, run=run, figures=figures)
+    figures = assess(MadeMap(grid, {}), plan, run, crowd=None, over_zone=zone().over_zone, scenario=PAPER, site=site)
+    return MethodResult(made=MadeMap(grid, {}), plan=plan, run=run, figures=figures)
 
 
 def test_plan_to_the_open_lane_has_the_goal_there(planned_on: list[dict[str, Any]]) -> None:
@@ -178,7 +167,7 @@ def test_plan_to_the_open_lane_has_the_goal_there(planned_on: list[dict[str, Any
     scenario = PAPER.model_copy(update={"route": route})
     site = replace(coarse_site(), open_goal=(1000.0, 1.83, 0.0))
     result = result_of(plan_of(straight_path(SAFE_Y)))
-    plan, goals = plan_to_open_lane(METHODS["hd_map"], result, sources(PAPER), scenario=scenario, site=site)
+    plan, goals = plan_to_open_lane(METHODS["hd_map"], result, scenario=scenario, site=site)
     assert plan is not None
     assert planned_on[0]["site"].goal == (1000.0, 1.83, 0.0)
     assert (goals["own_lane"]["lane"], goals["open_lane"]["lane"]) == (PAPER.route.goal_lane, 0)
@@ -188,7 +177,7 @@ def test_scenario_without_an_open_lane_has_figures_of_its_own_goal_alone() -> No
     route = PAPER.route.model_copy(update={"open_goal_lane": None})
     scenario, site = PAPER.model_copy(update={"route": route}), replace(coarse_site(), open_goal=None)
     result = result_of(plan_of(straight_path(SAFE_Y)))
-    plan, goals = plan_to_open_lane(METHODS["hd_map"], result, sources(PAPER), scenario=scenario, site=site)
+    plan, goals = plan_to_open_lane(METHODS["hd_map"], result, scenario=scenario, site=site)
     assert plan is None
     assert list(goals) == ["own_lane"]
 

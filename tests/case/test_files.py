@@ -12,10 +12,11 @@ from case.finished_plans import SAFE_Y, coarse_paper, coarse_site, plan_of, run_
 
 from wzsumo.case.assessment import assess
 from wzsumo.case.case import CaseResult
-from wzsumo.case.crowd import learn_from
+from wzsumo.case.crowd import Crowd
 from wzsumo.case.evaluation import MethodResult
 from wzsumo.case.files import result_json, write_case
 from wzsumo.case.lidar_baseline import LidarBaseline
+from wzsumo.case.map_method import MadeMap
 from wzsumo.case.zone import FleetMeasures
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 from wzsumo.ego import EgoRun
@@ -37,8 +38,8 @@ def method_result(plan: Plan, run: EgoRun | None = None) -> MethodResult:
     p_occupied = np.zeros(SITE.cells.shape)
     p_occupied[0] = UNKNOWN
     grid = SITE.cells.with_p_occupied(p_occupied)
-    figures = assess(grid, plan, run, crowd=None, over_zone=FLEET, scenario=coarse_paper(), site=SITE)
-    return MethodResult(grid=grid, plan=plan, run=run, figures=figures)
+    figures = assess(MadeMap(grid, {}), plan, run, crowd=None, over_zone=FLEET, scenario=coarse_paper(), site=SITE)
+    return MethodResult(made=MadeMap(grid, {}), plan=plan, run=run, figures=figures)
 
 
 def a_case(**changes: Any) -> CaseResult:
@@ -52,14 +53,15 @@ def a_case(**changes: Any) -> CaseResult:
         "scenario": coarse_paper(),
         "fleet": FleetMeasures(summary=summarise_fleet(FLEET, SITE.layout), traffic=traffic),
         "collected": FLEET,
-        "crowd": learn_from(
-            FLEET[FLEET["vehicle_id"] != "v001"], road=SITE.layout.road, spec=MixtureSpec(k_max=2, n_samples=50), seed=1
+        "crowd": Crowd(
+            traces=FLEET[FLEET["vehicle_id"] != "v001"], road=SITE.layout.road, spec=MixtureSpec(k_max=2, n_samples=50), seed=1
         ),
         "lidar": None,
         "methods": {"driven": method_result(plan_of(path), run_along(path)), "closed": method_result(plan_of(None))},
         "to_open_lane": {"driven": plan_of(straight_path(1.83)), "closed": plan_of(None)},
         "seconds": {"network": 1.5},
     }
+    assert given["crowd"].mixture.n_components >= 1  # fitted, as a method of mixtures asks for it
     return CaseResult(**given | changes)
 
 
@@ -173,3 +175,10 @@ def test_case_without_a_mapping_drive_says_that_slam_was_not_run_and_one_with_it
         "vehicle_id": "v7", "n_scans": 9, "scan_states": {"OK": 9}, "ate_m": 0.02, "dead_reckoning_ate_m": 1.5,
         "n_devices_mapped": 5, "n_links": 3,
     }  # fmt: skip
+
+
+def test_case_without_a_method_of_mixtures_fits_none_and_writes_none(tmp_path: Path) -> None:
+    crowd = Crowd(traces=FLEET, road=SITE.layout.road, spec=MixtureSpec(k_max=2, n_samples=50), seed=1)
+    content = write_case(a_case(crowd=crowd), tmp_path)
+    assert content["n_components"] is None
+    assert not any((tmp_path / name).exists() for name in ("mixture.json", "mixture_sweep.csv", "samples.csv"))

@@ -135,7 +135,7 @@ def no_files() -> NoReturn:
 
 
 def map_by(name: str, sources: Sources) -> OccupancyGrid:
-    return METHODS[name].map_of_zone(sources)
+    return METHODS[name].map_of_zone(sources).grid
 
 
 @pytest.fixture(scope="module")

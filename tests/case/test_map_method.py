@@ -1,4 +1,3 @@
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -9,7 +8,7 @@ from builders import straight_traces
 from case.finished_plans import coarse_paper, coarse_site
 
 from wzsumo.case import map_method
-from wzsumo.case.crowd import learn_from
+from wzsumo.case.crowd import Crowd
 from wzsumo.case.map_method import LidarMethod, MadeMap, MapTask, MixtureMethod, TracesMethod
 from wzsumo.case.methods import METHODS
 from wzsumo.case.sources import Sources
@@ -28,7 +27,7 @@ def test_method_of_the_crowd_gets_the_scenarios_road_vehicle_seed_and_reach_of_a
 
     scenario = coarse_paper().model_copy(update={"seed": 77})
     site = coarse_site()
-    crowd = learn_from(straight_traces([5.5]), road=site.layout.road, spec=MixtureSpec(k_max=1), seed=1)
+    crowd = Crowd(traces=straight_traces([5.5]), road=site.layout.road, spec=MixtureSpec(k_max=1), seed=1)
     TracesMethod(name="asks", title="", make=make).map_of_crowd(crowd, scenario=scenario, site=site)
     (task,) = asked
     assert (task.half_width_m, task.seed) == (0.93, 77)  # the car is 1.86 m wide
@@ -44,19 +43,19 @@ def test_of_more_than_100_000_fixes_every_nth_is_taken_for_a_mixture(
 ) -> None:
     taken = []
 
-    def learn(traces: pd.DataFrame, **_given: object) -> None:
-        taken.append(len(traces))
+    def make_of(_self: MixtureMethod, crowd: Crowd, _task: MapTask) -> MadeMap:
+        taken.append(len(crowd.traces))
+        return MadeMap(CELLS, {})
 
-    monkeypatch.setattr(map_method, "learn_from", learn)
     monkeypatch.setattr(map_method, "reference_line_from_traces", lambda fixes: fixes)
-    monkeypatch.setattr(MixtureMethod, "make_of", lambda *_: MadeMap(CELLS, {}))
+    monkeypatch.setattr(MixtureMethod, "make_of", make_of)
     method = MixtureMethod(name="mixture", title="", make=lambda _crowd, task: task.cells)
     method.map_of_traces(pd.DataFrame({"x_m": np.zeros(n_fixes)}), MapTask(cells=CELLS, half_width_m=0.9, seed=1))
     assert taken == [n_taken]
 
 
 def test_mixture_method_names_the_number_of_its_components() -> None:
-    crowd = learn_from(straight_traces([5.5]), road=coarse_site().layout.road, spec=MixtureSpec(k_max=1), seed=1)
+    crowd = Crowd(traces=straight_traces([5.5]), road=coarse_site().layout.road, spec=MixtureSpec(k_max=1), seed=1)
     made = METHODS["swept"]
     assert isinstance(made, MixtureMethod)
     assert made.make_of(crowd, MapTask(cells=CELLS, half_width_m=0.9, seed=1)).figures == {"n_components": 1}
@@ -68,7 +67,7 @@ def test_map_of_scans_ends_at_the_outer_edges_of_the_shoulders_of_the_road_befor
     seen = site.cells.with_p_occupied(np.zeros(site.cells.shape))
     method = LidarMethod(name="blind", title="", form=lambda _maps: seen)
     lidar = SimpleNamespace(maps=None)
-    grid = method.map_of_zone(cast("Sources", SimpleNamespace(lidar=lidar, site=site)))
+    grid = method.map_of_zone(cast("Sources", SimpleNamespace(lidar=lidar, site=site))).grid
     x = (site.layout.start + site.layout.end) / 2
     y = np.array([-3.9, -3.2, -2.8, 1.0, 14.3, 14.9])  # shoulders from -3.05 to 0 m and up to 14.63 m
     free = grid.free[grid.cell_of(np.column_stack([np.full_like(y, x), y]))]
@@ -83,8 +82,8 @@ def test_only_lanes_joins_a_road_and_costs_two_seconds_where_others_cost_half_a_
 def test_squares_have_the_sides_of_their_method() -> None:
     """One sample in the middle of fine cells: the paper's squares of 5 in, and those of 5 ft that join."""
     fine = blank_grid((98.0, 3.5, 102.0, 7.5), resolution=0.01, p_occupied=1.0)
-    crowd = learn_from(straight_traces([5.5]), road=coarse_site().layout.road, spec=MixtureSpec(k_max=1, n_samples=1), seed=1)
-    crowd = replace(crowd, samples=np.array([[100.0, 5.5]]))
+    crowd = Crowd(traces=straight_traces([5.5]), road=coarse_site().layout.road, spec=MixtureSpec(k_max=1, n_samples=1), seed=1)
+    vars(crowd)["samples"] = np.array([[100.0, 5.5]])
     task = MapTask(cells=fine, half_width_m=0.9, seed=1)
     for name, side_m in (("paper_literal", 0.127), ("paper", 1.524)):
         method = METHODS[name]

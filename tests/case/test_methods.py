@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from builders import straight_traces
 
-from wzsumo.case.crowd import learn_from
+from wzsumo.case.crowd import Crowd
 from wzsumo.case.map_method import MadeMap, MapTask, Source, TracesMethod
 from wzsumo.case.methods import (
     METHODS,
@@ -97,12 +97,10 @@ def test_methods_of_the_crowd_are_run_by_default_and_all_where_the_scenario_has_
     assert [method.name for method in chosen_methods(["hd_map", "lanes"], with_slam)] == ["hd_map", "lanes"]
 
 
-@pytest.mark.parametrize("name", ["lanes", "swept"])
-def test_clearance_of_1_2_m_is_preferred_on_a_map_of_the_crowd_and_a_wider_one_kept(name: str) -> None:
-    for own, preferred in ((0.7, 1.2), (2.0, 2.0)):
-        planner = PAPER.planner.model_copy(update={"preferred_clearance_m": own})
-        assert METHODS[name].planner(planner).preferred_clearance_m == preferred
-        assert METHODS["hd_map"].planner(planner) == planner
+@pytest.mark.parametrize("name", ["lanes", "swept", "slam_barrier", "hd_map"])
+def test_planner_of_the_scenario_is_taken_as_it_is(name: str) -> None:
+    planner = PAPER.planner.model_copy(update={"preferred_clearance_m": 0.4})
+    assert METHODS[name].planner(planner) == planner
 
 
 @pytest.mark.parametrize("name", ["paper_literal", "paper"])
@@ -114,9 +112,10 @@ def test_on_the_papers_maps_a_point_is_planned_for_in_an_inflation_of_0_7_m_with
 
 def test_map_of_a_crowd_method_is_nominal_outside_the_announced_zone(site: Site) -> None:
     method = TracesMethod(name="nothing", title="nothing", make=lambda _traces, task: MadeMap(task.cells, {}))
-    crowd = learn_from(straight_traces([5.5]), road=site.layout.road, spec=MixtureSpec(k_max=1), seed=1)
-    grid = method.map_of_crowd(crowd, scenario=COARSE, site=site)
+    crowd = Crowd(traces=straight_traces([5.5]), road=site.layout.road, spec=MixtureSpec(k_max=1), seed=1)
+    grid = method.map_of_crowd(crowd, scenario=COARSE, site=site).grid
     np.testing.assert_array_equal(grid.free, site.nominal)
+    assert not crowd.is_fitted
 
 
 def test_map_of_traces_joins_the_road_outside_the_announced_zone(toy: TracesMethod) -> None:

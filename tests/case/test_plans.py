@@ -1,187 +1,133 @@
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
-from builders import straight_traces
+from builders import lane_map_of
+from case.finished_plans import coarse_paper, coarse_site
 
-from wzsumo.case import plans
-from wzsumo.case.crowd import Crowd
-from wzsumo.case.methods import METHODS
-from wzsumo.case.plans import guides_for, nominal_guide, traces_ending_in_lane_of
-from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
+from wzsumo.case.map_method import MadeMap, lines_of_lanes, lines_of_mixture
+from wzsumo.case.methods import METHODS, map_of_before
+from wzsumo.case.plans import lanes_to_goal, nominal_lanes, plan_for, within_lane
+from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
-from wzsumo.crowd_mapping.mixture.selection import MixtureSweep
-from wzsumo.grid import OccupancyGrid
-from wzsumo.planning.plan import Plan, plan_path
-from wzsumo.road import Road
-from wzsumo.scenario.scenario import load_scenario
+from wzsumo.frames import advance
+from wzsumo.metrics.lane_keeping import measure_lane_keeping
+from wzsumo.scenario.scenario import Scenario, load_scenario
 from wzsumo.scenario.site import Site, prepare_site
 
-RIGHT, MIDDLE = 1.83, 5.49  # m, centres of the two right lanes
-PAPER_ROAD = load_scenario("scenarios/paper.toml").layout().road
+RIGHT, MIDDLE, LEFT = 1.829, 5.486, 9.144  # m, centres of the paper's lanes
+
+
+def known_lanes(site: Site) -> MadeMap:
+    """The map that knows the lanes of the site's layout."""
+    lanes = lane_map_of(site.layout)
+    learned = occupancy_grid(lanes, site.cells)
+    grid = learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
+    width = float(np.median([lane.left - lane.right for lane in lanes.lanes]))
+    return MadeMap(grid, {}, lanes, lines=lines_of_lanes(lanes), lane_width_m=width)
 
 
 @pytest.fixture(scope="module")
-def site() -> Site:
-    return prepare_site(load_scenario("scenarios/paper.toml"))  # its goal lies in the middle lane
+def paper() -> tuple[Scenario, Site]:
+    scenario = load_scenario("scenarios/paper.toml")
+    scenario = scenario.model_copy(update={"map": scenario.map.model_copy(update={"resolution_m": 0.25})})
+    return scenario, prepare_site(scenario)
 
 
-def crowd_of(traces: pd.DataFrame, stretches: Sequence[tuple[float, float, float]], *, road: Road = PAPER_ROAD) -> Crowd:
-    """A crowd whose mixture has one component a stretch (from station, to station, offset)."""
-    first, last, y = np.array(stretches).T
-    variances = [np.diag([length**2 / 12, 0.01]) for length in last - first]
-    mixture = Mixture(
-        weights=np.full(len(y), 1 / len(y)), means=np.column_stack([(first + last) / 2, y]), covariances=np.array(variances),
-        log_likelihood=0.0, n_points=100, converged=True,
-    )  # fmt: skip
-    return Crowd(
-        traces=traces,
-        road=road,
-        spec=MixtureSpec(),
-        sweep=MixtureSweep(mixtures=(mixture,)),
-        mixture=mixture,
-        samples=np.empty((0, 2)),
-    )
+def test_path_on_known_lanes_keeps_to_the_middle_of_its_lane_through_the_papers_shift(paper: tuple[Scenario, Site]) -> None:
+    scenario, site = paper
+    plan = plan_for(METHODS["lanes"], known_lanes(site), scenario=scenario, site=site)
+    assert plan.path is not None
+    kept = measure_lane_keeping(plan.path.poses, vehicle=scenario.vehicle, layout=site.layout)
+    assert (kept.over_line_share, kept.n_lane_changes) == (0.0, 0)
+    assert kept.mean_off_middle_m < 0.12
+    assert kept.sd_off_middle_m < 0.15
+    # No swing after the shifting taper: from 50 m behind it to the shift back the path lies on the lane's middle.
+    centres = advance(plan.path.poses, scenario.vehicle.axle_to_centre_m)
+    s, d = site.layout.road.to_sd(centres[:, :2])
+    lane = next(lane for lane in site.layout.lanes if lane.index == 1)
+    middle = (lane.right(s) + lane.left(s)) / 2
+    beside_work = (s > site.layout.area("shifting taper").end + 50) & (s < site.layout.area("shift back").start - 50)
+    assert np.abs(d - middle)[beside_work].max() < 0.2
+    assert plan.n_expansions == 0
 
 
-def inner_lines(crowd: Crowd, site: Site) -> list[tuple[float, float, float]]:
-    """What the crowd adds to the nominal guide: x of both ends and y of each line."""
-    found = guides_for(crowd, site=site)[0]
-    nominal = len(nominal_guide(site))
-    return sorted(
-        (round(line[:, 0].min()), round(line[:, 0].max()), round(float(line[:, 1].mean()), 2)) for line in found[nominal:]
-    )
-
-
-STRETCHES = [(460, 660, RIGHT), (660, 900, RIGHT), (460, 660, MIDDLE), (660, 900, MIDDLE)]
-
-
-def changing(x_change: float, *, start: float, end: float) -> pd.DataFrame:
-    traces = straight_traces([start], length_m=1100.0)
-    traces.loc[traces["x_m"] > x_change, "y_m"] = end
-    return traces.assign(vehicle_id="changer")
-
-
-def test_lines_of_vehicles_that_leave_the_zone_in_another_lane_are_no_guide(site: Site) -> None:
-    crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
-    assert inner_lines(crowd, site) == [(460, 660, MIDDLE), (660, 900, MIDDLE)]
-
-
-def test_guide_leads_over_to_the_goals_lane_where_a_vehicle_changed_to_it(site: Site) -> None:
-    traces = pd.concat([straight_traces([RIGHT], length_m=1100.0), changing(660, start=RIGHT, end=MIDDLE)])
-    assert inner_lines(crowd_of(traces, STRETCHES), site) == [(460, 660, RIGHT), (660, 900, MIDDLE)]
-
-
-def test_all_lines_are_a_guide_where_no_vehicle_went_to_the_goals_lane(site: Site) -> None:
-    crowd = crowd_of(straight_traces([RIGHT], length_m=1100.0), STRETCHES)
-    assert len(inner_lines(crowd, site)) == len(STRETCHES)
-
-
-def test_trace_that_changed_lanes_ends_in_its_last_lane(site: Site) -> None:
-    traces = pd.concat([straight_traces([RIGHT, MIDDLE]), changing(60, start=MIDDLE, end=RIGHT)])
-    assert set(traces_ending_in_lane_of((100.0, RIGHT), traces, road=site.layout.road)["vehicle_id"]) == {"v000", "changer"}
-
-
-@pytest.mark.parametrize(("before_its_end_m", "lane"), [(10, MIDDLE), (20, RIGHT)])
-def test_lane_that_a_trace_ends_in_is_where_it_mostly_was_in_its_last_30_m(
-    site: Site, before_its_end_m: float, lane: float
-) -> None:
-    trace = changing(1100.0 - before_its_end_m, start=MIDDLE, end=RIGHT)
-    for other in (RIGHT, MIDDLE):
-        found = traces_ending_in_lane_of((1000.0, other), trace, road=site.layout.road)
-        assert len(found) == (len(trace) if other == lane else 0)
-
-
-@pytest.mark.parametrize(("change_m", "is_guide"), [(564, False), (556, True)])
-def test_line_guides_where_vehicles_to_the_goal_drove_along_half_of_it(site: Site, change_m: float, is_guide: bool) -> None:
-    """The line reaches from 460 m to 660 m; the vehicle comes over to its lane after 48 % or 52 % of it, and stays there."""
-    crowd = crowd_of(changing(change_m, start=RIGHT, end=MIDDLE), [(460, 660, MIDDLE)])
-    assert inner_lines(crowd, site) == [(460, 660, MIDDLE)] * is_guide
-
-
-@pytest.mark.parametrize("side", [-1, 1])
-@pytest.mark.parametrize(("distance_m", "is_guide"), [(0.90, True), (0.92, False)])
-def test_line_guides_where_vehicles_to_the_goal_drove_within_a_quarter_of_a_lane(
-    site: Site, side: int, distance_m: float, is_guide: bool
-) -> None:
-    crowd = crowd_of(straight_traces([MIDDLE], length_m=1100.0), [(460, 660, MIDDLE + side * distance_m)])
-    assert len(inner_lines(crowd, site)) == is_guide
-
-
-def slanted_line() -> Mixture:
-    """One component along the line from the right lane at 460 m to the middle lane at 660 m."""
-    vector = np.array([200.0, MIDDLE - RIGHT])
-    across = np.array([-vector[1], vector[0]]) / np.hypot(*vector)
-    covariance = np.outer(vector, vector) / 12 + 0.01 * np.outer(across, across)
-    return Mixture(
-        weights=np.ones(1), means=np.array([[560.0, (RIGHT + MIDDLE) / 2]]), covariances=covariance[None],
-        log_likelihood=0.0, n_points=100, converged=True,
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("slants", [True, False])
-def test_line_from_lane_to_lane_guides_where_a_vehicle_changed_along_it_and_not_where_one_kept_its_lane(
-    site: Site, slants: bool
-) -> None:
-    traces = straight_traces([MIDDLE], length_m=1100.0)
-    if slants:
-        traces["y_m"] = np.interp(traces["x_m"], [460, 660], [RIGHT, MIDDLE])
-    crowd = replace(crowd_of(traces, [(460, 660, MIDDLE)]), mixture=slanted_line())
-    assert len(inner_lines(crowd, site)) == slants
-
-
-def test_nominal_guide_runs_along_every_lane_centre_outside_the_announced_zone_in_lines_of_20_m(site: Site) -> None:
-    guide, layout = nominal_guide(site), site.layout
-    lengths = guide[:, 1, 0] - guide[:, 0, 0]
-    assert lengths.max() <= 20.0
-    assert lengths.min() > 15.0
-    assert set(np.unique(guide[..., 1].round(2))) == {1.83, 5.49, 9.14}
-    assert not ((guide[:, 1, 0] > layout.start + 1e-6) & (guide[:, 0, 0] < layout.end - 1e-6)).any()
-    assert lengths.sum() == pytest.approx(3 * (layout.road.length - (layout.end - layout.start)))
-
-
-def test_map_of_another_source_has_the_nominal_guide_alone(site: Site) -> None:
-    (guide,) = guides_for(None, site=site)
-    np.testing.assert_array_equal(guide, nominal_guide(site))
-
-
-def test_lines_of_all_come_second(site: Site) -> None:
-    crowd = crowd_of(straight_traces([RIGHT, MIDDLE], length_m=1100.0), STRETCHES)
-    guides = guides_for(crowd, site=site)
-    assert len(guides) == 2
-    assert len(guides[1]) == len(nominal_guide(site)) + len(STRETCHES)
-
-
-def test_line_on_a_bend_follows_it() -> None:
-    site = prepare_site(load_scenario("scenarios/paper_bend_300m.toml"))
+def test_start_in_the_closing_lane_leads_out_of_it_once_and_back_once(paper: tuple[Scenario, Site]) -> None:
+    scenario, site = paper
     road = site.layout.road
-    s = np.arange(0.0, road.length)
-    trace = pd.DataFrame(road.to_xy(s, np.full_like(s, MIDDLE)), columns=["x_m", "y_m"]).assign(vehicle_id="v", time_s=s / 20)
-    guide = guides_for(crowd_of(trace, [(600, 700, MIDDLE)], road=road), site=site)[0]
-    points = guide[len(nominal_guide(site)) :].mean(axis=1)  # the middles of its lines, where chords leave an arc the farthest
-    stations, offsets = road.to_sd(points)
-    assert stations.min() < 610
-    assert stations.max() > 690
-    assert offsets == pytest.approx(MIDDLE, abs=0.021)
+    (first, last), _ = road.to_sd([site.start[:2], site.goal[:2]])
+    start, goal = ((float(s), float(road.to_xy(s, LEFT)[1]), 0.0) for s in (first, last))
+    route, _ = lanes_to_goal(known_lanes(site), scenario=scenario, site=replace(site, start=start, goal=goal))
+    assert route is not None
+    closed = (route[:, 0] > site.layout.area("tangent").start) & (route[:, 0] < site.layout.area("shifting taper").start)
+    np.testing.assert_allclose(route[closed, 1], MIDDLE, atol=0.25)
+    before = route[route[:, 0] < site.layout.area("tangent").start, 1]
+    assert (np.diff(before) < 1e-9).all()  # to the right, and never back
+    assert route[-1, 1] == pytest.approx(LEFT, abs=0.06)
 
 
-def test_plan_is_that_of_the_first_guide_that_has_one_and_takes_the_time_of_all(
-    site: Site, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    found = []
+def test_map_without_lanes_is_searched_by_the_nominal_lanes_before_and_after_the_zone(paper: tuple[Scenario, Site]) -> None:
+    scenario, site = paper
+    made = MadeMap(map_of_before(site), {})
+    route, lanes = lanes_to_goal(made, scenario=scenario, site=site)
+    assert route is None
+    xs, ys = lanes[:, :, 0], lanes[:, :, 1]
+    layout = site.layout
+    assert ((xs <= layout.start + 1e-6) | (xs >= layout.end - 1e-6)).all()
+    assert {round(float(y), 2) for y in ys.ravel()} == {round(y, 2) for y in (RIGHT, MIDDLE, LEFT)}
+    assert len(nominal_lanes(site)) == 6
 
-    def plan_without_the_first(grid: OccupancyGrid, **given: Any) -> Plan:
-        plan = plan_path(grid, **given)
-        found.append(plan)
-        return replace(plan, path=None) if len(found) == 1 else plan
 
-    monkeypatch.setattr(plans, "plan_path", plan_without_the_first)
-    free = site.cells.with_p_occupied(np.zeros(site.cells.shape))
-    crowd = crowd_of(straight_traces([MIDDLE], length_m=1100.0), [(460, 1100, MIDDLE)])
-    plan = plans.plan_for(METHODS["lanes"], free, scenario=load_scenario("scenarios/paper.toml"), site=site, crowd=crowd)
-    assert len(found) == 2
-    assert plan.path is found[1].path
-    assert plan.timings_ms["total"] == pytest.approx(sum(each.timings_ms["total"] for each in found))
+def test_path_is_searched_for_where_the_route_is_not_free(paper: tuple[Scenario, Site]) -> None:
+    scenario, site = paper
+    made = known_lanes(site)
+    # A wall across the ego's lane for 40 m, and the known lanes say nothing of it.
+    rows, cols = np.indices(made.grid.shape)
+    x, y = made.grid.centre_of(rows.ravel(), cols.ravel()).T
+    wall = ((x > 1100) & (x < 1140) & (y > 0.4)).reshape(made.grid.shape)
+    blocked = made._replace(grid=made.grid.with_p_occupied(np.where(wall, 1.0, made.grid.p_occupied)))
+    plan = plan_for(METHODS["lanes"], blocked, scenario=scenario, site=site)
+    assert plan.path is not None
+    assert plan.min_clearance_m > 0
+
+
+def test_no_more_clearance_is_wished_for_than_the_lane_has(paper: tuple[Scenario, Site]) -> None:
+    scenario, site = paper
+    made = known_lanes(site)._replace(lane_width_m=3.353)  # lanes of 11 ft: 0.75 m on either side of a car of 1.86 m
+    for wished, got in ((0.5, 0.5), (0.7, 0.7), (1.2, 0.746)):
+        planner = scenario.planner.model_copy(update={"preferred_clearance_m": wished})
+        assert within_lane(planner, made, scenario=scenario, site=site).preferred_clearance_m == pytest.approx(got, abs=0.01)
+    unknown = MadeMap(made.grid, {})  # then the road's lanes of 12 ft
+    wide = scenario.planner.model_copy(update={"preferred_clearance_m": 1.2})
+    assert within_lane(wide, unknown, scenario=scenario, site=site).preferred_clearance_m == pytest.approx(0.899, abs=0.001)
+
+
+def test_lines_of_a_lane_map_are_the_middles_of_its_lanes_where_they_are_open() -> None:
+    layout = coarse_site().layout
+    lines = lines_of_lanes(lane_map_of(layout))
+    reach = sorted(
+        (round(float(line.offsets[0]), 1), round(float(line.stations[0])), round(float(line.stations[-1]))) for line in lines
+    )
+    assert len(reach) == 4  # two lanes go through, the closing one has a part before the zone and one after it
+    of_closing = [line for line in lines if abs(float(line.offsets[0]) - LEFT) < 0.3]
+    assert len(of_closing) == 2
+    taper = coarse_site().layout.area("merging taper")
+    assert taper.start < min(line.stations[-1] for line in of_closing) < taper.end
+
+
+def test_lines_of_a_mixture_weigh_the_fixes_a_metre() -> None:
+    covariances = np.array([np.diag([100.0**2 / 12, 0.01]), np.diag([300.0**2 / 12, 0.01])])
+    mixture = Mixture(
+        weights=np.array([0.5, 0.5]), means=np.array([[50.0, RIGHT], [150.0, MIDDLE]]), covariances=covariances,
+        log_likelihood=0.0, n_points=100, converged=True,
+    )  # fmt: skip
+    short, long = lines_of_mixture(mixture)
+    assert (short.stations[0], short.stations[-1]) == (pytest.approx(0), pytest.approx(100))
+    assert short.weight / long.weight == pytest.approx(3)
+
+
+def test_paper_method_plans_for_a_point_without_a_route() -> None:
+    scenario, site = coarse_paper(), coarse_site()
+    made = known_lanes(site)
+    plan = plan_for(METHODS["paper"], made, scenario=scenario, site=site)
+    assert plan.n_expansions > 0

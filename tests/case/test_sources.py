@@ -33,6 +33,8 @@ def test_crowd_is_learned_from_the_used_traces_once() -> None:
     of_two = sources(2)
     assert of_two.crowd.traces["vehicle_id"].nunique() == 2
     assert of_two.crowd is of_two.crowd
+    assert of_two.watch.seconds == {}  # no mixture is fitted before one is asked for
+    assert of_two.crowd.mixture is of_two.crowd.mixture
     assert list(of_two.watch.seconds) == ["mixture"]
 
 

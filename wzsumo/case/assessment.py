@@ -7,8 +7,8 @@ import pandas as pd
 
 from wzsumo.case.crowd import Crowd
 from wzsumo.case.lidar_baseline import LidarBaseline
+from wzsumo.case.map_method import MadeMap
 from wzsumo.ego import EgoRun, Outcome
-from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.clearance import clearance_along
 from wzsumo.metrics.conduct import faults_of, measure_conduct
 from wzsumo.metrics.contact import ContactChecker
@@ -21,7 +21,7 @@ from wzsumo.scenario.site import Site
 
 
 def assess(
-    grid: OccupancyGrid,
+    made: MadeMap,
     plan: Plan,
     run: EgoRun | None,
     *,
@@ -36,7 +36,7 @@ def assess(
     fleet in a simulation without the ego. The clearances and the closed-area share beside the map's quality are those of the
     driven path, or of the planned path where the ego did not drive.
     """
-    quality = quality_of_cells(grid.free, drivable=site.drivable, counted=site.counted)
+    quality = quality_of_cells(made.grid.free, drivable=site.drivable, counted=site.counted)
     moved = run if run is not None and len(run.log) > 1 else None
     planned, driven = (
         None if poses is None else clearance_along(poses, vehicle=scenario.vehicle, layout=site.layout)
@@ -53,7 +53,7 @@ def assess(
         "outcome": str(run.outcome if run else Outcome.NO_PATH),
         "reason": run.reason if run else f"{plan.status}: {plan.reason}",
         "n_traces": int(crowd.traces["vehicle_id"].nunique()) if crowd else None,
-        "n_components": crowd.mixture.n_components if crowd else None,
+        "n_components": made.figures.get("n_components"),
         **asdict(quality),
         "min_clearance_devices_m": headline.get("min_clearance_devices_m"),
         "min_clearance_road_edge_m": headline.get("min_clearance_road_edge_m"),

@@ -44,7 +44,7 @@ def run_case(scenario: Scenario, *, methods: Sequence[MapMethod], sumo_folder: P
     to_open_lane: dict[str, Plan] = {}
     for method in methods:
         result = evaluate(method, sources, scenario=scenario, site=site, watch=watch)
-        open_plan, goals = plan_to_open_lane(method, result, sources, scenario=scenario, site=site)
+        open_plan, goals = plan_to_open_lane(method, result, scenario=scenario, site=site)
         results[method.name] = replace(result, figures=result.figures | {"goals": goals})
         if open_plan is not None:
             to_open_lane[method.name] = open_plan

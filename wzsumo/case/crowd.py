@@ -1,6 +1,9 @@
 """The crowd: what equipped vehicles of the fleet report, what is learned of it, and which ground they surely drove over."""
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -60,37 +63,55 @@ def collection_figures(over_zone: pd.DataFrame, scenario: Scenario, *, drives: b
     return {"n_equipped": len(equipped), "minutes_to_collect": float(waited_s) / 60}
 
 
+@contextmanager
+def _untold() -> Iterator[Tell]:
+    yield lambda _share: None
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Crowd:
-    """The reported traces that make a map, and the mixtures fitted to them.
+    """The reported traces that make a map, and the mixtures of their points on `road`, fitted when one is first asked for.
 
-    The mixtures are of stations and offsets [m] on `road`, the samples (n, 2) are x, y [m].
+    The mixtures are of stations and offsets [m]. `fitting` surrounds the fit, and gives what is told the share that is done.
     """
 
     traces: pd.DataFrame
     road: Road
     spec: MixtureSpec
-    sweep: MixtureSweep  # one mixture for each number of components
-    mixture: Mixture  # the chosen one
-    samples: FloatArray  # drawn from the chosen mixture
+    seed: int
+    fitting: Callable[[], AbstractContextManager[Tell]] = _untold
 
+    @cached_property
+    def sweep(self) -> MixtureSweep:
+        """One mixture for each number of components 1..k_max."""
+        spec = self.spec
+        with self.fitting() as tell:
+            table = (
+                with_copies(self.traces, copies=spec.copies, driver_sd_m=spec.driver_sd_m, seed=self.seed)
+                if spec.copies
+                else self.traces
+            )
+            return sweep_mixtures(
+                np.column_stack(self.road.to_sd(table[["x_m", "y_m"]])),
+                k_max=spec.k_max,
+                reg_covar_m2=spec.least_sd_m**2,
+                progress=lambda done, total: tell(done / total if total else 1.0),
+            )
 
-def learn_from(traces: pd.DataFrame, *, road: Road, spec: MixtureSpec, seed: int, tell: Tell | None = None) -> Crowd:
-    """The mixture of the traces' points on `road`, chosen by AIC or BIC over K = 1..k_max, and samples from its 95 % region.
+    @cached_property
+    def mixture(self) -> Mixture:
+        """The mixture that AIC or BIC chooses."""
+        return self.sweep.best("aic" if self.spec.criterion == "aic" else "bic")
 
-    `tell` is called with the share of the work that is done.
-    """
-    table = with_copies(traces, copies=spec.copies, driver_sd_m=spec.driver_sd_m, seed=seed) if spec.copies else traces
-    points = np.column_stack(road.to_sd(table[["x_m", "y_m"]]))
-    sweep = sweep_mixtures(
-        points,
-        k_max=spec.k_max,
-        reg_covar_m2=spec.least_sd_m**2,
-        progress=None if tell is None else lambda done, total: tell(done / total if total else 1.0),
-    )
-    mixture = sweep.best("aic" if spec.criterion == "aic" else "bic")
-    samples = road.to_xy(*samples_inside(mixture, spec=spec, seed=seed).T)
-    return Crowd(traces=traces, road=road, spec=spec, sweep=sweep, mixture=mixture, samples=samples)
+    @cached_property
+    def samples(self) -> FloatArray:
+        """Points x, y (n, 2) [m] drawn from the chosen mixture inside its 95 % region."""
+        return self.road.to_xy(*samples_inside(self.mixture, spec=self.spec, seed=self.seed).T)
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether a mixture has been asked for."""
+        return "sweep" in vars(self)
 
 
 def witness_reach_m(scenario: Scenario) -> float:

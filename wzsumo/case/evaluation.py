@@ -7,9 +7,8 @@ from typing import Any
 
 from wzsumo.case.assessment import assess, goal_figures, lidar_figures
 from wzsumo.case.closed_loop import Drive, drive_path
-from wzsumo.case.crowd import Crowd
 from wzsumo.case.lidar_baseline import LidarBaseline
-from wzsumo.case.map_method import CrowdMethod, MapMethod
+from wzsumo.case.map_method import CrowdMethod, MadeMap, MapMethod
 from wzsumo.case.methods import map_of_before
 from wzsumo.case.plans import plan_for
 from wzsumo.case.replanning import NewMap
@@ -27,12 +26,17 @@ DRIVE_LIMIT_S = 400.0  # from when the ego asks to enter the road; a drive that 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MethodResult:
-    """The map that was scored and planned on, the plan, the drive (None where the ego did not drive), and their figures."""
+    """The map, the plan on it, the drive (None where the ego did not drive), and their figures."""
 
-    grid: OccupancyGrid
+    made: MadeMap
     plan: Plan
     run: EgoRun | None
     figures: dict[str, Any]
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """The map that was scored and planned on."""
+        return self.made.grid
 
 
 def evaluate(
@@ -41,34 +45,34 @@ def evaluate(
     *,
     scenario: Scenario,
     site: Site,
-    grid: OccupancyGrid | None = None,
+    made: MadeMap | None = None,
     drives: bool = True,
     watch: Watch,
 ) -> MethodResult:
     """The result of one method. Both `wzsumo run` and a sweep call this, so that they report the same for the same case.
 
-    `grid` is the method's map where it has been made already; `drives` says whether the ego drives along the plan.
+    `made` is the method's map where it has been made already; `drives` says whether the ego drives along the plan.
     """
     zone, crowd = sources.zone, method.crowd_of(sources)
     with watch.timing(f"map {method.name}"):
-        grid = grid or method.map_of_zone(sources)
-    plan = first_plan(method, grid, scenario=scenario, site=site, crowd=crowd)
+        made = made or method.map_of_zone(sources)
+    plan = first_plan(method, made, scenario=scenario, site=site)
     with watch.timing(f"drive {method.name}"):
         maps = new_maps(method, sources, scenario=scenario, site=site) if drives else ()
         run = drive_plan(plan, zone, name=method.name, scenario=scenario, site=site, maps=maps, watch=watch) if drives else None
-    figures = assess(grid, plan, run, crowd=crowd, over_zone=zone.over_zone, scenario=scenario, site=site)
-    return MethodResult(grid=grid, plan=plan, run=run, figures=figures)
+    figures = assess(made, plan, run, crowd=crowd, over_zone=zone.over_zone, scenario=scenario, site=site)
+    return MethodResult(made=made, plan=plan, run=run, figures=figures)
 
 
 def plan_to_open_lane(
-    method: MapMethod, result: MethodResult, sources: Sources, *, scenario: Scenario, site: Site
+    method: MapMethod, result: MethodResult, *, scenario: Scenario, site: Site
 ) -> tuple[Plan | None, dict[str, Any]]:
     """The plan to the goal in the open lane, None where the scenario names none, and figures of the plans to both goals."""
     goals = {"own_lane": goal_figures(result.plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)}
     lane, open_site = scenario.route.open_goal_lane, site_with_open_goal(site)
     if lane is None or open_site is None:
         return None, goals
-    plan = plan_for(method, result.grid, scenario=scenario, site=open_site, crowd=method.crowd_of(sources))
+    plan = plan_for(method, result.made, scenario=scenario, site=open_site)
     goals["open_lane"] = goal_figures(plan, lane=lane, scenario=scenario, site=open_site)
     return plan, goals
 
@@ -87,16 +91,16 @@ def drive_plan(
         return drive_path(plan.path, layout=site.layout, files=files, drive=drive, on_step=tell, new_maps=maps)
 
 
-def first_plan(method: MapMethod, grid: OccupancyGrid, *, scenario: Scenario, site: Site, crowd: Crowd | None) -> Plan:
+def first_plan(method: MapMethod, made: MadeMap, *, scenario: Scenario, site: Site) -> Plan:
     """The plan that the ego sets out with.
 
-    It is a plan on `grid`, the method's own map. A map of a crowd may reach the ego later: where the scenario says so, the
+    It is a plan on `made`, the method's own map. A map of a crowd may reach the ego later: where the scenario says so, the
     first plan is one on the map of the road without the zone.
     """
     updates = scenario.map_updates
-    if crowd is not None and updates is not None and updates.sets_out_with == "map_of_before":
-        grid, crowd = map_of_before(site), None
-    return plan_for(method, grid, scenario=scenario, site=site, crowd=crowd)
+    if isinstance(method, CrowdMethod) and updates is not None and updates.sets_out_with == "map_of_before":
+        made = MadeMap(map_of_before(site), {})
+    return plan_for(method, made, scenario=scenario, site=site)
 
 
 def new_maps(method: MapMethod, sources: Sources, *, scenario: Scenario, site: Site) -> tuple[NewMap, ...]:
@@ -105,14 +109,14 @@ def new_maps(method: MapMethod, sources: Sources, *, scenario: Scenario, site: S
         return ()
     found = []
     for arriving in sources.arriving(scenario.map_updates.arrivals):
-        grid = method.map_of_crowd(arriving.crowd, scenario=scenario, site=site)
-        plan = partial(_plan_from, method=method, grid=grid, scenario=scenario, site=site, crowd=arriving.crowd)
+        made = method.map_of_crowd(arriving.crowd, scenario=scenario, site=site)
+        plan = partial(_plan_from, method=method, made=made, scenario=scenario, site=site)
         found.append(NewMap(after_s=arriving.after_s, plan=plan))
     return tuple(found)
 
 
-def _plan_from(start: Pose, *, method: MapMethod, grid: OccupancyGrid, scenario: Scenario, site: Site, crowd: Crowd) -> Plan:
-    return plan_for(method, grid, scenario=scenario, site=replace(site, start=start), crowd=crowd)
+def _plan_from(start: Pose, *, method: MapMethod, made: MadeMap, scenario: Scenario, site: Site) -> Plan:
+    return plan_for(method, made, scenario=scenario, site=replace(site, start=start))
 
 
 def table_row(result: MethodResult, *, lidar: LidarBaseline | None, drives: bool) -> dict[str, Any]:

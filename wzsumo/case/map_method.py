@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar, NamedTuple
@@ -9,16 +10,18 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import pandas as pd
 
-from wzsumo.case.crowd import Crowd, learn_from, witness_reach_m
+from wzsumo.case.crowd import Crowd, witness_reach_m
 from wzsumo.case.sources import Sources
 from wzsumo.case.watch import Tell
 from wzsumo.crowd_mapping.map_before import MapBefore
-from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
+from wzsumo.crowd_mapping.mixture.maps import MixtureSpec, driven_lines
+from wzsumo.crowd_mapping.mixture.mixture import Mixture
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.lane_map import LaneMap
 from wzsumo.lidar_mapping.slam_map import SlamMaps
+from wzsumo.planning.lane_route import LaneLine
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.road_before import map_before_of
 from wzsumo.scenario.scenario import Scenario
@@ -48,11 +51,17 @@ class MapTask:
 
 
 class MadeMap(NamedTuple):
-    """A map, figures of what its method learned, and the lanes that it is a raster of where the method knows lanes."""
+    """A map, figures of what its method learned, and what it knows of lanes.
+
+    `lanes` are those that the grid is a raster of, where the method knows lanes. `lines` are the lines along which vehicles
+    drive, in stations and offsets of the road, and `lane_width_m` is the width of most lanes where that is known.
+    """
 
     grid: OccupancyGrid
     figures: dict[str, Any]
     lanes: LaneMap | None = None
+    lines: tuple[LaneLine, ...] = ()
+    lane_width_m: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +76,7 @@ class MapMethod(ABC):
     joins_road: ClassVar[bool] = False  # whether it joins what traces say to the road from before the zone
 
     @abstractmethod
-    def map_of_zone(self, sources: Sources) -> OccupancyGrid:
+    def map_of_zone(self, sources: Sources) -> MadeMap:
         """The map over the site's cells."""
 
     def crowd_of(self, sources: Sources) -> Crowd | None:  # noqa: ARG002 - methods of the crowd look at the sources
@@ -81,7 +90,7 @@ class CrowdMethod(MapMethod):
 
     source: ClassVar[Source] = Source.CROWD
 
-    def map_of_zone(self, sources: Sources) -> OccupancyGrid:
+    def map_of_zone(self, sources: Sources) -> MadeMap:
         """The map over the site's cells, of the traces that the scenario uses."""
         return self.map_of_crowd(sources.crowd, scenario=sources.scenario, site=sources.site)
 
@@ -89,7 +98,7 @@ class CrowdMethod(MapMethod):
         """The crowd that the map is made of."""
         return sources.crowd
 
-    def map_of_crowd(self, crowd: Crowd, *, scenario: Scenario, site: Site) -> OccupancyGrid:
+    def map_of_crowd(self, crowd: Crowd, *, scenario: Scenario, site: Site) -> MadeMap:
         """The map over the site's cells, of any crowd."""
         layout = site.layout
         task = MapTask(
@@ -99,8 +108,8 @@ class CrowdMethod(MapMethod):
             before=map_before_of(layout),
             witness_reach_m=witness_reach_m(scenario),
         )
-        learned = self.make_of(crowd, task).grid
-        return learned.with_p_occupied(np.where(site.nominal, 0.0, learned.p_occupied))
+        made = self.make_of(crowd, task)
+        return made._replace(grid=made.grid.with_p_occupied(np.where(site.nominal, 0.0, made.grid.p_occupied)))
 
     @abstractmethod
     def make_of(self, crowd: Crowd, task: MapTask) -> MadeMap:
@@ -135,13 +144,16 @@ class MixtureMethod(CrowdMethod):
 
     def make_of(self, crowd: Crowd, task: MapTask) -> MadeMap:
         """The map of the crowd's mixture."""
-        return MadeMap(self.make(crowd, task), {"n_components": crowd.mixture.n_components})
+        grid, mixture = self.make(crowd, task), crowd.mixture
+        return MadeMap(grid, {"n_components": mixture.n_components}, lines=lines_of_mixture(mixture))
 
     def map_of_traces(self, traces: pd.DataFrame, task: MapTask) -> MadeMap:
         """The map of the mixture of the traces, of which at most MAX_MIXTURE_FIXES are taken."""
         fixes = traces.iloc[:: -(-len(traces) // MAX_MIXTURE_FIXES)]
         road = reference_line_from_traces(fixes)
-        return self.make_of(learn_from(fixes, road=road, spec=MixtureSpec(), seed=task.seed, tell=task.tell), task)
+        return self.make_of(
+            Crowd(traces=fixes, road=road, spec=MixtureSpec(), seed=task.seed, fitting=lambda: nullcontext(task.tell)), task
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,11 +167,11 @@ class LidarMethod(MapMethod):
     form: Callable[[SlamMaps], OccupancyGrid]
     source: ClassVar[Source] = Source.LIDAR
 
-    def map_of_zone(self, sources: Sources) -> OccupancyGrid:
+    def map_of_zone(self, sources: Sources) -> MadeMap:
         """The map over the site's cells."""
         seen, site = self.form(sources.lidar.maps), sources.site
         known = np.where(site.nominal, 0.0, np.where(_pavement_before(site), seen.p_occupied, 1.0))
-        return seen.with_p_occupied(known)
+        return MadeMap(seen.with_p_occupied(known), {})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,9 +181,29 @@ class MapBeforeMethod(MapMethod):
     make: Callable[[Site], OccupancyGrid]
     source: ClassVar[Source] = Source.MAP_BEFORE
 
-    def map_of_zone(self, sources: Sources) -> OccupancyGrid:
+    def map_of_zone(self, sources: Sources) -> MadeMap:
         """The map over the site's cells."""
-        return self.make(sources.site)
+        return MadeMap(self.make(sources.site), {})
+
+
+def lines_of_lanes(lanes: LaneMap) -> tuple[LaneLine, ...]:
+    """The middles of the lanes where they are open."""
+    return tuple(
+        line
+        for number, lane in enumerate(lanes.lanes)
+        for first, last in lanes.open_intervals(number)
+        if (line := LaneLine(stations=lanes.stations, offsets=lane.middle).between(first, last)) is not None
+    )
+
+
+def lines_of_mixture(mixture: Mixture) -> tuple[LaneLine, ...]:
+    """The middle lines of the stretches that the components stand for."""
+    lines, weights = driven_lines(mixture)
+    return tuple(
+        LaneLine(stations=line[order, 0], offsets=line[order, 1], weight=weight / np.ptp(line[:, 0]))
+        for line, weight in zip(lines, weights, strict=True)
+        if np.ptp(line[:, 0]) > 0 and len(order := np.argsort(line[:, 0]))
+    )
 
 
 def _pavement_before(site: Site) -> BoolArray:

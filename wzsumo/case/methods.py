@@ -16,6 +16,7 @@ from wzsumo.case.map_method import (
     MixtureMethod,
     Source,
     TracesMethod,
+    lines_of_lanes,
 )
 from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
@@ -26,9 +27,6 @@ from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
 
-# The path is to keep 0.5 m from the devices, and the edges of a crowd's map lie up to 0.3 m beyond them. A preferred clearance
-# is not always reached, so it is larger than their sum. Chosen by us; analysis/drives/library_drives.py measures clearances.
-CROWD_CLEARANCE_M = 1.2
 DEFAULT_METHOD = "lanes"  # for a map of a trace file or table
 PAPER_INFLATION_M = 0.7  # Chen et al. 2022, both mapping branches; the paper plans for a point on that map
 
@@ -74,11 +72,6 @@ def plan_for_a_point(planner: PlannerSpec) -> PlannerSpec:
     return planner.model_copy(update={"body": "point", "inflation_radius_m": PAPER_INFLATION_M, "guide_cost": 0.0})
 
 
-def plan_with_clearance(planner: PlannerSpec) -> PlannerSpec:
-    """The planner with CROWD_CLEARANCE_M preferred, or more where the scenario asks for more."""
-    return planner.model_copy(update={"preferred_clearance_m": max(planner.preferred_clearance_m, CROWD_CLEARANCE_M)})
-
-
 def _literal_squares(crowd: Crowd, task: MapTask) -> OccupancyGrid:
     return squares_map(crowd.samples, side_m=crowd.spec.literal_square_m, grid=task.cells)
 
@@ -95,7 +88,9 @@ def _swept(crowd: Crowd, task: MapTask) -> OccupancyGrid:
 def _lanes(traces: pd.DataFrame, task: MapTask) -> MadeMap:
     made = map_lanes(traces, before=task.before)
     grid = occupancy_grid(made.lanes, task.cells, progress=lambda done, total: task.tell(done / total))
-    return MadeMap(free_witnessed_ground(grid, traces, reach_m=task.witness_reach_m), made.figures, made.lanes)
+    grid = free_witnessed_ground(grid, traces, reach_m=task.witness_reach_m)
+    width = float(np.median([lane.left - lane.right for lane in made.lanes.lanes]))
+    return MadeMap(grid, made.figures, made.lanes, lines=lines_of_lanes(made.lanes), lane_width_m=width)
 
 
 def map_of_before(site: Site) -> OccupancyGrid:
@@ -122,12 +117,8 @@ for _method in (
     MixtureMethod(
         name="paper", title="crowd: squares so large that the samples join", make=_joined_squares, planner=plan_for_a_point
     ),
-    MixtureMethod(
-        name="swept", title="crowd: 95 % region of the mixture, swept by the vehicle", make=_swept, planner=plan_with_clearance
-    ),
-    TracesMethod(
-        name="lanes", title="crowd: lanes inferred from the traces", make=_lanes, planner=plan_with_clearance, cpu_s=2.0
-    ),
+    MixtureMethod(name="swept", title="crowd: 95 % region of the mixture, swept by the vehicle", make=_swept),
+    TracesMethod(name="lanes", title="crowd: lanes inferred from the traces", make=_lanes, cpu_s=2.0),
     LidarMethod(name="slam_raw", title="(a) LiDAR SLAM, raw bird's-eye view", form=lambda maps: maps.birds_eye),
     LidarMethod(name="slam_log_odds", title="(b) LiDAR SLAM, log-odds with carved free space", form=lambda maps: maps.log_odds),
     LidarMethod(name="slam_barrier", title="(c) LiDAR SLAM, devices joined into a barrier", form=lambda maps: maps.barrier),

@@ -1,121 +1,92 @@
-"""Plans on a map of the zone, and the guides that lead the search for them.
+"""Plans on a map of the zone.
 
-A guide is a set of lines. Before and after the announced zone they are the nominal lane centres. In between they are lines that
-vehicles drove which left the zone in the goal's lane: where the work parts the traffic, the lines on its other side lead to
-other lanes.
+A path follows the route in lanes (see `planning.lane_route`): the nominal lanes before and after the announced zone, in between
+the lanes that the map knows. Where that is not free, or the map knows no lanes, a path is searched for.
 """
 
-from collections import Counter
-from dataclasses import replace
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-import pandas as pd
 import shapely
 from shapely import LineString
 
-from wzsumo.case.crowd import Crowd
-from wzsumo.case.map_method import MapMethod
-from wzsumo.crowd_mapping.mixture.maps import driven_lines
+from wzsumo.case.map_method import MadeMap, MapMethod
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import OccupancyGrid
-from wzsumo.planning.plan import Plan, plan_path
+from wzsumo.planning.lane_route import OFFSET_STEP_M, STATION_STEP_M, LaneLine, route_offsets
+from wzsumo.planning.plan import Plan, plan_on_route, plan_path
+from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.road import Road
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
 
-FINAL_STRETCH_M = 30.0  # of a trace: its mean offset there says in which lane it ends; chosen by us
-MIN_DRIVEN_SHARE = 0.5  # of a line's length, from which on a line counts as driven; chosen by us
-# A quarter of a 12 ft lane: a vehicle that changes lanes is so near to the line of another lane for a short way only.
-MAX_DISTANCE_FROM_LINE_M = 0.91
-NOMINAL_LINE_LENGTH_M = 20.0  # on a bend of 300 m radius the chord leaves the arc by 0.17 m
 # A line on a bend becomes chords between some of its points: how far apart its points are, how far the chords may leave them.
 BEND_POINT_SPACING_M, MAX_CHORD_ERROR_M = 5.0, 0.02
 
 
-def plan_for(method: MapMethod, grid: OccupancyGrid, *, scenario: Scenario, site: Site, crowd: Crowd | None) -> Plan:
-    """The plan from the site's start to its goal by the method's planner, with the first guide by which there is a path.
+def plan_for(method: MapMethod, made: MadeMap, *, scenario: Scenario, site: Site) -> Plan:
+    """The plan from the site's start to its goal by the method's planner: along the route in lanes, or else by a search.
 
-    `crowd` is the crowd that the map was made of, None for a map of another source. The plan's timings [ms] are the sums over
-    all guides that were tried.
+    The search is guided by all lanes.
     """
-    spec, timings = method.planner(scenario.planner), Counter[str]()
-    for guide in guides_for(crowd, site=site):
-        plan = plan_path(grid, start=site.start, goal=site.goal, vehicle=scenario.vehicle, spec=spec, guide=guide)
-        timings.update(plan.timings_ms)
-        if plan.path is not None:
-            break
-    return replace(plan, timings_ms=dict(timings))
+    spec = within_lane(method.planner(scenario.planner), made, scenario=scenario, site=site)
+    given: dict[str, Any] = {"start": site.start, "goal": site.goal, "vehicle": scenario.vehicle, "spec": spec}
+    route, lanes = lanes_to_goal(made, scenario=scenario, site=site)
+    plan = plan_on_route(made.grid, route=route, **given) if route is not None else None
+    return plan or plan_path(made.grid, guide=lanes, **given)
 
 
-def guides_for(crowd: Crowd | None, *, site: Site) -> tuple[FloatArray, ...]:
-    """The guides, each of lines (n, 2, 2) [m], in the order in which the planner tries them.
-
-    Each holds the nominal lane centres outside the announced zone. For a map of a crowd the first guide adds the lines that
-    the vehicles drove which left the zone in the goal's lane, the second the lines of all vehicles. The second is the only one
-    where no vehicle left in the goal's lane, and it remains where the first leads nowhere because the map has a gap there.
-    """
-    nominal = nominal_guide(site)
-    if crowd is None:
-        return (nominal,)
-    lines, road = driven_lines(crowd.mixture), crowd.road
-    of_all = np.concatenate([nominal, *(_chords_along(line, road) for line in lines)])
-    to_goal = traces_ending_in_lane_of(site.goal[:2], crowd.traces, road=site.layout.road)
-    if not len(to_goal):
-        return (of_all,)
-    driven = _are_driven(lines, fixes=np.column_stack(road.to_sd(to_goal[["x_m", "y_m"]])))
-    return np.concatenate([nominal, *(_chords_along(line, road) for line in lines[driven])]), of_all
+def within_lane(planner: PlannerSpec, made: MadeMap, *, scenario: Scenario, site: Site) -> PlannerSpec:
+    """The planner that wishes for no more clearance than a lane has on either side: more would be the neighbour's lane."""
+    road = site.layout.road
+    width = made.lane_width_m or road.own_width / road.own_lanes
+    beside = max((width - scenario.vehicle.width_m) / 2, site.cells.resolution)
+    return planner.model_copy(update={"preferred_clearance_m": min(planner.preferred_clearance_m, beside)})
 
 
-def nominal_guide(site: Site) -> FloatArray:
-    """Lines (n, 2, 2) [m] along the lane centres before and after the announced zone."""
+def lanes_to_goal(made: MadeMap, *, scenario: Scenario, site: Site) -> tuple[FloatArray | None, FloatArray]:
+    """The route (n, 2) [m] in lanes from start to goal, None where the map knows none, and lines (n, 2, 2) along all lanes."""
     road, layout = site.layout.road, site.layout
-    lines = []
-    for start, end in ((0.0, layout.start), (layout.end, road.length)):
-        stations = np.linspace(start, end, max(2, int(np.ceil((end - start) / NOMINAL_LINE_LENGTH_M)) + 1))
-        for lane in range(road.own_lanes):
-            points = road.to_xy(stations, np.full_like(stations, road.lane_centre(lane)))
-            lines += [np.stack(pair) for pair in pairwise(points)]
-    return np.stack(lines)
+    nominal = nominal_lanes(site)
+    in_zone = [part for line in made.lines if (part := line.between(layout.start, layout.end)) is not None]
+    all_lanes = np.concatenate([_chords(line.stations, line.offsets, road) for line in (*nominal, *in_zone)])
+    if not in_zone:
+        return None, all_lanes
+    (first, last), ends = road.to_sd([site.start[:2], site.goal[:2]])
+    stations = np.linspace(first, last, max(2, int(np.ceil((last - first) / STATION_STEP_M)) + 1))
+    offsets = np.arange(-road.right_shoulder, road.left_edge, OFFSET_STEP_M)
+    route = route_offsets(
+        stations, (*nominal, *in_zone), ends=(float(ends[0]), float(ends[1])), offsets=offsets,
+        speed_mps=scenario.planner.planned_speed_mps,
+        blocked=_blocked(made.grid, stations, offsets, road=road, half_width_m=scenario.vehicle.width_m / 2),
+    )  # fmt: skip
+    return road.to_xy(stations, route), all_lanes
 
 
-def traces_ending_in_lane_of(point: tuple[float, float], traces: pd.DataFrame, *, road: Road) -> pd.DataFrame:
-    """The traces that end in the lane in which `point` (x, y) [m] lies."""
-    station, offset = road.to_sd(traces[["x_m", "y_m"]])
-    by_vehicle = traces["vehicle_id"]
-    last = pd.Series(station, index=traces.index).groupby(by_vehicle).transform("max")
-    final = traces.assign(offset_m=offset)[station > last - FINAL_STRETCH_M]
-    final_offset = final.groupby("vehicle_id")["offset_m"].mean()
-    (_,), (offset_of_point,) = road.to_sd(point)
-    same = final_offset.index[_lane_at(final_offset.to_numpy(), road) == _lane_at(offset_of_point, road)]
-    return traces[by_vehicle.isin(same)]
+def nominal_lanes(site: Site) -> list[LaneLine]:
+    """The lane centres of the road before and after the announced zone."""
+    road, layout = site.layout.road, site.layout
+    return [
+        LaneLine(stations=np.array(stretch), offsets=np.full(2, road.lane_centre(lane)))
+        for stretch in ((0.0, layout.start), (layout.end, road.length))
+        for lane in range(road.own_lanes)
+    ]
 
 
-def _chords_along(line: FloatArray, road: Road) -> FloatArray:
-    """Lines (n, 2, 2) [m] in the world that follow the road along one line (2, 2) of stations and offsets."""
-    fine = shapely.get_coordinates(shapely.segmentize(LineString(line), BEND_POINT_SPACING_M))
+def _blocked(grid: OccupancyGrid, stations: FloatArray, offsets: FloatArray, *, road: Road, half_width_m: float) -> BoolArray:
+    """Where (n, m) a vehicle that drives along the road would touch a cell that is not free, looked at beside its middle."""
+    blocked = np.zeros((len(stations), len(offsets)), dtype=bool)
+    for beside in (-half_width_m, 0.0, half_width_m):
+        row, col = grid.cell_of(road.to_xy(stations[:, None], offsets + beside).reshape(-1, 2))
+        inside = (row >= 0) & (row < grid.shape[0]) & (col >= 0) & (col < grid.shape[1])
+        free = np.zeros(len(row), dtype=bool)
+        free[inside] = grid.free[row[inside], col[inside]]
+        blocked |= ~free.reshape(blocked.shape)
+    return blocked
+
+
+def _chords(stations: FloatArray, offsets: FloatArray, road: Road) -> FloatArray:
+    """Lines (n, 2, 2) [m] in the world that follow the road along a line of stations and offsets."""
+    fine = shapely.get_coordinates(shapely.segmentize(LineString(np.column_stack([stations, offsets])), BEND_POINT_SPACING_M))
     points = shapely.get_coordinates(LineString(road.to_xy(*fine.T)).simplify(MAX_CHORD_ERROR_M))
     return np.stack([points[:-1], points[1:]], axis=1)
-
-
-def _are_driven(lines: FloatArray, *, fixes: FloatArray) -> BoolArray:
-    """Which lines (n,) have fixes (m, 2) beside them whose first and last are MIN_DRIVEN_SHARE of the line apart, or more.
-
-    A fix is beside a line that it is within MAX_DISTANCE_FROM_LINE_M of. Lines (n, 2, 2) and fixes are stations and offsets.
-    """
-    vector = lines[:, 1] - lines[:, 0]
-    length = np.maximum(np.hypot(*vector.T), 1e-9)
-    direction = vector / length[:, None]
-    from_start = fixes[None] - lines[:, None, 0]
-    along = np.einsum("nmk,nk->nm", from_start, direction)
-    across = from_start[..., 1] * direction[:, None, 0] - from_start[..., 0] * direction[:, None, 1]
-    beside = (np.abs(across) < MAX_DISTANCE_FROM_LINE_M) & (along >= 0) & (along <= length[:, None])
-    first, last = np.where(beside, along, np.inf).min(axis=1), np.where(beside, along, -np.inf).max(axis=1)
-    return np.asarray(last - first >= MIN_DRIVEN_SHARE * length)
-
-
-def _lane_at(offset: npt.ArrayLike, road: Road) -> npt.NDArray[np.intp]:
-    """The lanes whose centres are nearest to the offsets [m]."""
-    centres = np.array([road.lane_centre(lane) for lane in range(road.own_lanes)])
-    return np.argmin(np.abs(np.asarray(offset)[..., None] - centres), axis=-1)

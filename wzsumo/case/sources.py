@@ -1,11 +1,13 @@
 """Sources: what the maps of a case are made of. Each is made at its first use, and kept."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
-from wzsumo.case.crowd import Crowd, learn_from, reported_traces
+from wzsumo.case.crowd import Crowd, reported_traces
 from wzsumo.case.lidar_baseline import LidarBaseline, map_by_lidar
-from wzsumo.case.watch import Watch
+from wzsumo.case.watch import Tell, Watch
 from wzsumo.case.zone import SimulatedZone
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.sections import MapArrivalSpec, SlamSpec
@@ -57,5 +59,10 @@ class Sources:
 
     def _learn(self, scenario: Scenario) -> Crowd:
         used = reported_traces(self.zone.over_zone, scenario, which="used")
+        road = self.site.layout.road
+        return Crowd(traces=used, road=road, spec=scenario.mixture, seed=scenario.seed, fitting=self._fitting)
+
+    @contextmanager
+    def _fitting(self) -> Iterator[Tell]:
         with self.watch.timing("mixture"), self.watch.progress("mixtures", 1.0) as tell:
-            return learn_from(used, road=self.site.layout.road, spec=scenario.mixture, seed=scenario.seed, tell=tell)
+            yield tell

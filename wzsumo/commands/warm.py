@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from wzsumo.case.crowd import learn_from
+from wzsumo.case.crowd import Crowd
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
 
 
@@ -29,6 +29,6 @@ def run(args: argparse.Namespace) -> dict[str, Any]:  # noqa: ARG001 - every com
     traces = pd.concat(
         pd.DataFrame({"vehicle_id": f"v{n}", "time_s": s / 20, "x_m": s, "y_m": 0.2 * n + 0.01 * np.sin(s)}) for n in range(4)
     )
-    learn_from(traces, road=axis_of(np.array([[0.0, 0.0], [300.0, 0.0]])), spec=MixtureSpec(k_max=4), seed=1)
+    _ = Crowd(traces=traces, road=axis_of(np.array([[0.0, 0.0], [300.0, 0.0]])), spec=MixtureSpec(k_max=4), seed=1).sweep
     map_lanes(traces)
     return {"warm": True}

@@ -27,7 +27,7 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
     driven = [name for name in run.methods if run.drive_of(name) is not None and name not in baselines]
     drawings = [
         _zone_drawing(run),
-        *_mixture_drawings(run, sample=sample),
+        *(_mixture_drawings(run, sample=sample) if run.has_mixture else []),
         *_map_drawings(run, crowd, sample=sample),
         *(_drive_drawing(run, name, sample=sample) for name in driven),
         *_traffic_drawings(run),

@@ -27,7 +27,7 @@ from wzsumo.work_zone import DEVICE_COLUMNS, SIGN_COLUMNS
 
 LAYOUT = "layout.geojson"
 REMEDY = "run the scenario again"
-NEEDED_FILES = ("result.json", LAYOUT, "traces.parquet", "mixture_sweep.csv", "mixture.json", "samples.csv")
+NEEDED_FILES = ("result.json", LAYOUT, "traces.parquet")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +109,11 @@ class ResultFolder:
         path = self.folder / "scenario.toml"
         table = read_toml(path).get("vehicle", {}) if path.exists() else {}
         return parse_spec(VehicleGeometry, table, source=f"{path}, vehicle")
+
+    @property
+    def has_mixture(self) -> bool:
+        """Whether a mixture was fitted to the traces, and all its files are here."""
+        return all((self.folder / name).is_file() for name in ("mixture_sweep.csv", "mixture.json", "samples.csv"))
 
     @property
     def mixtures_tried(self) -> pd.DataFrame:

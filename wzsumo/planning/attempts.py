@@ -5,13 +5,14 @@ weight, may wander within that bound; so the careful search is tried again after
 """
 
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 from wzsumo.frames import FloatArray
 from wzsumo.planning.hybrid_astar import EXHAUSTED, FOUND, search
 from wzsumo.planning.lattice import lattice_for
+from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.planning.planning_field import PlanningField
+from wzsumo.vehicle import VehicleGeometry
 
 # Fineness of the lattice, factor on the heuristic's weight, share of max_expansions used up at most by the end of the search.
 # In a corridor the careful search needs some hundred expansions and finds the better path; among cones, where many paths cost
@@ -67,19 +68,19 @@ def search_in_turn(field: PlanningField, *, start: FloatArray, goal: FloatArray)
 
 def _attempts(field: PlanningField) -> list[_Attempt]:
     """The attempts in their order; those for lower speeds share what is left of the expansions evenly."""
-    attempts = [_Attempt(field.spec.planned_speed_mps, *attempt) for attempt in _SEARCHES_AT_PLANNED_SPEED]
-    (_, _, haste, used), slower = attempts[-1], list(_slower_speeds(field))
+    planned, *slower = speeds_to_try(field.spec, field.vehicle)
+    attempts = [_Attempt(planned, *attempt) for attempt in _SEARCHES_AT_PLANNED_SPEED]
+    (_, _, haste, used) = attempts[-1]
     for number, speed in enumerate(slower, start=1):
         attempts.append(_Attempt(speed, 1, haste, used + (1 - used) * number / len(slower)))
     return [*attempts[:-1], attempts[-1]._replace(expansion_share=1.0)]
 
 
-def _slower_speeds(field: PlanningField) -> Iterator[float]:
-    """Ever lower speeds, from the planned one down to where the steering, and no longer the speed, limits the curvature."""
-    spec, vehicle = field.spec, field.vehicle
-    speed = spec.planned_speed_mps
-    while spec.max_curvature(vehicle, speed_mps=speed) < spec.max_curvature(vehicle, speed_mps=0):
-        speed *= _SPEED_FACTOR
-        if speed < spec.slowest_share * spec.planned_speed_mps:
-            return
-        yield speed
+def speeds_to_try(spec: PlannerSpec, vehicle: VehicleGeometry) -> tuple[float, ...]:
+    """The planned speed [m/s] and ever lower ones, down to where the steering, and not the speed, limits the curvature."""
+    speeds, least = [spec.planned_speed_mps], spec.slowest_share * spec.planned_speed_mps
+    while spec.max_curvature(vehicle, speed_mps=speeds[-1]) < spec.max_curvature(vehicle, speed_mps=0):
+        if speeds[-1] * _SPEED_FACTOR < least:
+            break
+        speeds.append(speeds[-1] * _SPEED_FACTOR)
+    return tuple(speeds)

@@ -6,19 +6,30 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+import shapely
+from shapely import LineString
 
 from wzsumo.frames import FloatArray
 from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
-from wzsumo.planning.attempts import search_in_turn
+from wzsumo.planning.attempts import search_in_turn, speeds_to_try
 from wzsumo.planning.easing import eased_points
 from wzsumo.planning.footprint import outline_body, pose_is_free
 from wzsumo.planning.hybrid_astar import EXHAUSTED, FOUND
 from wzsumo.planning.lattice import poses_along
-from wzsumo.planning.path_check import exposure_along
+from wzsumo.planning.path_check import exposure_along, poses_through
 from wzsumo.planning.planner_spec import PlannerSpec
-from wzsumo.planning.planning_field import MEASURED_CLEARANCE_M, PlanningField, Pose, from_corner, prepare_field, refuse_off_map
-from wzsumo.planning.smoothing import smoothed_poses
+from wzsumo.planning.planning_field import (
+    MEASURED_CLEARANCE_M,
+    PlanningField,
+    Pose,
+    from_corner,
+    prepare_field,
+    refuse_off_map,
+    terrain_on,
+)
+from wzsumo.planning.smoothing import best_smoothing, smoothed_poses
+from wzsumo.planning.terrain import Terrain
 from wzsumo.vehicle import VehicleGeometry
 
 PATH_STEP_M = 0.48  # between the poses of a path, which may lie 0.5 m apart at most; smoothing stretches it a little
@@ -70,6 +81,42 @@ def plan_path(
     return replace(plan, timings_ms=plan.timings_ms | field.timings_ms | {"total": total})
 
 
+def plan_on_route(
+    grid: OccupancyGrid, *, start: Pose, goal: Pose, vehicle: VehicleGeometry, spec: PlannerSpec, route: FloatArray
+) -> Plan | None:
+    """The plan along a line (n, 2) [m] from `start` to `goal`, without a search; None where the line is not free.
+
+    The path is the line smoothed: as near to it as curvature and clearance let it be. It is planned for the highest of the
+    speeds of `attempts.speeds_to_try` at which its curvature allows that. Raises MapError as `plan_path` does.
+    """
+    if not spec.smooth or spec.body != "outline":
+        return None
+    refuse_off_map(grid, start, name="start")
+    began = time.perf_counter()
+    terrain, body = terrain_on(grid, vehicle=vehicle, spec=spec, guide=np.stack([route[:-1], route[1:]], axis=1))
+    measured = time.perf_counter()
+    line = LineString(route - grid.origin)
+    n = max(2, math.ceil(line.length / PATH_STEP_M) + 1)
+    points = shapely.get_coordinates(shapely.line_interpolate_point(line, np.linspace(0.0, line.length, n)))
+    at_start, at_goal = from_corner(grid, start), from_corner(grid, goal)
+    points[0], points[-1] = at_start[:2], at_goal[:2]
+    along = poses_through(points, ends=np.array([at_start[2], at_goal[2]]))
+    for speed in speeds_to_try(spec, vehicle):
+        poses, jump = best_smoothing(
+            along,
+            terrain=terrain,
+            body=body,
+            preferred_clearance_m=spec.preferred_clearance_m,
+            max_curvature=spec.max_curvature(vehicle, speed_mps=speed),
+            max_curvature_jump=spec.max_curvature_jump_1pm,
+        )
+        if poses is not None and jump <= spec.max_curvature_jump_1pm:
+            smoothed = time.perf_counter()
+            timings = {"distance_field": 1e3 * (measured - began), "smoothing": 1e3 * (smoothed - measured)}
+            return _found(poses, grid, terrain, vehicle=vehicle, spec=spec, speed_mps=speed, timings=timings)
+    return None
+
+
 def plan_from(field: PlanningField, *, start: Pose) -> Plan:
     """The plan from `start` to the field's goal; its timings leave out those of the field.
 
@@ -95,25 +142,42 @@ def plan_from(field: PlanningField, *, start: Pose) -> Plan:
             status, reason = PlanStatus.LIMIT_REACHED, f"no way {between} was found {tried}, the limit is {limit}"
         return _without_path(status, reason, n_expansions=found.n_expansions, timings=timings)
     poses = _path_poses(field, at_start, found.segments, sharpest)
-    smoothed = time.perf_counter()
+    timings |= {"smoothing": 1e3 * (time.perf_counter() - searched)}
+    plan = _found(
+        poses, field.grid, field.terrain, vehicle=field.vehicle, spec=field.spec, speed_mps=found.speed_mps, timings=timings
+    )
+    return replace(plan, n_expansions=found.n_expansions)
+
+
+def _found(
+    poses: FloatArray,
+    grid: OccupancyGrid,
+    terrain: Terrain,
+    *,
+    vehicle: VehicleGeometry,
+    spec: PlannerSpec,
+    speed_mps: float,
+    timings: dict[str, float],
+) -> Plan:
+    """The plan of a path of poses (n, 3) from the map's corner."""
+    began = time.perf_counter()
     exposure = exposure_along(
         poses,
-        max_p_occupied=field.spec.max_p_occupied,
-        terrain=field.terrain,
-        body=outline_body(field.vehicle),
+        max_p_occupied=spec.max_p_occupied,
+        terrain=terrain,
+        body=outline_body(vehicle),
         limit_m=MEASURED_CLEARANCE_M,
     )
-    timings |= {"smoothing": 1e3 * (smoothed - searched), "check": 1e3 * (time.perf_counter() - smoothed)}
     return Plan(
         status=PlanStatus.FOUND,
         reason="",
-        path=ReferencePath(poses=poses + np.array([*field.grid.origin, 0.0])),
+        path=ReferencePath(poses=poses + np.array([*grid.origin, 0.0])),
         min_clearance_m=exposure.min_clearance_m,
         max_p_occupied=exposure.max_p_occupied,
         risk_m=exposure.risk_m,
-        speed_mps=found.speed_mps,
-        n_expansions=found.n_expansions,
-        timings_ms=_with_total(timings),
+        speed_mps=speed_mps,
+        n_expansions=0,
+        timings_ms=_with_total(timings | {"check": 1e3 * (time.perf_counter() - began)}),
     )
 
 

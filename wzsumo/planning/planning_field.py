@@ -37,6 +37,16 @@ class PlanningField:
     timings_ms: dict[str, float]  # distance_field, heuristic
 
 
+def terrain_on(
+    grid: OccupancyGrid, *, vehicle: VehicleGeometry, spec: PlannerSpec, guide: FloatArray | None
+) -> tuple[Terrain, Body]:
+    """The terrain of a map and a guide (n, 2, 2), as far as plans and their clearances are concerned, and the body on it."""
+    outline = outline_body(vehicle)
+    body = POINT_BODY if spec.body == "point" else outline
+    reach = max(inscribed_radius(body) + spec.preferred_clearance_m, outline.disc_radius + MEASURED_CLEARANCE_M)
+    return terrain_of(grid, body=body, spec=spec, reach_m=reach + grid.resolution, guide=guide), body
+
+
 def prepare_field(
     grid: OccupancyGrid, *, goal: Pose, vehicle: VehicleGeometry, spec: PlannerSpec, guide: FloatArray | None = None
 ) -> PlanningField:
@@ -52,10 +62,7 @@ def prepare_field(
             "crop it to the road or use a coarser resolution"
         )
     began = time.perf_counter()
-    outline = outline_body(vehicle)
-    body = POINT_BODY if spec.body == "point" else outline
-    reach = max(inscribed_radius(body) + spec.preferred_clearance_m, outline.disc_radius + MEASURED_CLEARANCE_M)
-    terrain = terrain_of(grid, body=body, spec=spec, reach_m=reach + grid.resolution, guide=guide)
+    terrain, body = terrain_on(grid, vehicle=vehicle, spec=spec, guide=guide)
     measured = time.perf_counter()
     (row,), (col,) = grid.cell_of(goal[:2])
     remaining = cost_to_go(

@@ -49,10 +49,32 @@ def smoothed_poses(
     Where no smoothing keeps the jumps of curvature within their limit, it is the one with the least jumps; where none is free
     and within `max_curvature`, the poses come back as they are.
     """
+    best, _ = best_smoothing(
+        poses,
+        terrain=terrain,
+        body=body,
+        preferred_clearance_m=preferred_clearance_m,
+        max_curvature=max_curvature,
+        max_curvature_jump=max_curvature_jump,
+    )
+    return poses if best is None else best
+
+
+def best_smoothing(
+    poses: FloatArray,
+    *,
+    terrain: Terrain,
+    body: Body,
+    preferred_clearance_m: float,
+    max_curvature: float,
+    max_curvature_jump: float,
+) -> tuple[FloatArray | None, float]:
+    """The smoothing of `smoothed_poses` and its largest jump of curvature [1/m]; (None, inf) where none is free."""
     if len(poses) < _MIN_POINTS:
-        return poses
+        return None, math.inf
     searched = cost_along(poses, terrain)
-    best, least = poses, (math.inf, math.inf)
+    best: FloatArray | None = None
+    least = (math.inf, math.inf)
     for candidate in _candidates(poses, preferred_clearance_m, max_curvature, terrain, body):
         if not candidate.strong and least[0] <= max_curvature_jump:
             break
@@ -63,7 +85,7 @@ def smoothed_poses(
         best, least = candidate.poses, rank
         if candidate.curvature_jump <= max_curvature_jump and cost <= _LITTLE_MORE_COST * searched:
             break
-    return best
+    return best, least[0]
 
 
 def _candidates(

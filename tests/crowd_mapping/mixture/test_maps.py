@@ -83,7 +83,7 @@ def test_line_of_a_component_is_as_long_as_the_uniform_stretch_of_the_same_varia
     # 60 m uniform along 30 degrees: variance 60^2 / 12 along, 0.2^2 across.
     turn = np.deg2rad(30)
     axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    (line,) = driven_lines(one_normal((5.0, 7.0), axes @ np.diag([60**2 / 12, 0.04]) @ axes.T))
+    (line,), _ = driven_lines(one_normal((5.0, 7.0), axes @ np.diag([60**2 / 12, 0.04]) @ axes.T))
     assert np.hypot(*(line[1] - line[0])) == pytest.approx(60)
     assert line.mean(axis=0) == pytest.approx([5, 7])
     assert (line[1] - line[0]) @ axes[:, 1] == pytest.approx(0, abs=1e-9)
@@ -98,7 +98,8 @@ def test_broad_component_of_a_few_strays_is_neither_swept_nor_a_guide() -> None:
         np.array([stretch, stretch, np.diag([880**2 / 12, 1.6**2])]),
     )
     assert stands_for_a_stretch(mixture).tolist() == [True, True, False]
-    assert len(driven_lines(mixture)) == 2
+    lines, weights = driven_lines(mixture)
+    assert (len(lines), weights.tolist()) == (2, [0.4985, 0.4985])
     cells = blank_grid((0.0, -5.0, 240.0, 9.0), resolution=0.25, p_occupied=1.0)
     grid = swept_map(mixture, road=STRAIGHT, half_width_m=0.93, spec=MixtureSpec(), grid=cells)
     y = cells.centre_of(np.arange(cells.shape[0]), np.zeros(cells.shape[0], dtype=int))[:, 1]

@@ -108,12 +108,12 @@ def swept_map(mixture: Mixture, *, road: Road, half_width_m: float, spec: Mixtur
     return grid.with_p_occupied(np.where(free, np.float32(0.0), np.float32(UNKNOWN)))
 
 
-def driven_lines(mixture: Mixture) -> FloatArray:
-    """Middle lines (n, 2, 2) of the stretches that components stand for: both ends as (station, offset) [m]."""
+def driven_lines(mixture: Mixture) -> tuple[FloatArray, FloatArray]:
+    """Middle lines (n, 2, 2) of the stretches that components stand for, ends as (station, offset) [m]; their weights."""
     driven = stands_for_a_stretch(mixture)
     variances, axes = np.linalg.eigh(mixture.covariances[driven])
     half = math.sqrt(3) * np.sqrt(np.maximum(variances[:, 1], 0))[:, None] * axes[:, :, 1]
-    return np.stack([mixture.means[driven] - half, mixture.means[driven] + half], axis=1)
+    return np.stack([mixture.means[driven] - half, mixture.means[driven] + half], axis=1), mixture.weights[driven]
 
 
 def stands_for_a_stretch(mixture: Mixture) -> BoolArray:

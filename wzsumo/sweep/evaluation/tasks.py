@@ -21,14 +21,13 @@ import pyarrow.parquet as pq
 
 from wzsumo.case.crowd import collection_figures
 from wzsumo.case.evaluation import evaluate, table_row
-from wzsumo.case.map_method import Source
+from wzsumo.case.map_method import MadeMap, Source
 from wzsumo.case.sources import Sources
 from wzsumo.case.watch import Watch
 from wzsumo.case.zone import SimulatedZone, simulate_zone
 from wzsumo.errors import InputError
 from wzsumo.files.output import parquet_bytes
 from wzsumo.files.work_folder import work_folder
-from wzsumo.grid import OccupancyGrid
 from wzsumo.metrics.network_traffic import network_figures
 from wzsumo.planning.plan import load_kernels
 from wzsumo.scenario.scenario import Scenario
@@ -118,7 +117,7 @@ class _SharedWork:
         self._over_zone = over_zone
         self._site: tuple[str, Site] | None = None
         self._sources: tuple[str, str, Sources] | None = None  # by the names of map source and site
-        self._maps: dict[str, OccupancyGrid] = {}  # made of these sources, by method
+        self._maps: dict[str, MadeMap] = {}  # made of these sources, by method
         self._rows: dict[str, dict[str, Any]] = {}  # of these sources, by evaluation
 
     def row_of(self, case: StudyCase) -> dict[str, Any]:
@@ -133,8 +132,8 @@ class _SharedWork:
     def _evaluated(self, case: StudyCase, sources: Sources) -> dict[str, Any]:
         scenario, site, method = case.scenario, self._site_of(case), case.map_method
         known = self._maps.get(case.method)
-        result = evaluate(method, sources, scenario=scenario, site=site, grid=known, drives=case.drive, watch=Watch())
-        self._maps[case.method] = result.grid
+        result = evaluate(method, sources, scenario=scenario, site=site, made=known, drives=case.drive, watch=Watch())
+        self._maps[case.method] = result.made
         return table_row(result, lidar=sources.lidar if method.source is Source.LIDAR else None, drives=case.drive)
 
     def _site_of(self, case: StudyCase) -> Site:
