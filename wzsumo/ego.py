@@ -1,13 +1,11 @@
-"""The ego vehicle: its state, its command, its leader, its run and the outcome of the run."""
+"""The ego vehicle: its state, its command, its run and the outcome of the run."""
 
 from dataclasses import dataclass
 from enum import StrEnum
-from math import isfinite
 
 import numpy as np
 import pandas as pd
 
-from wzsumo.errors import InputError
 from wzsumo.frames import FloatArray
 
 
@@ -79,16 +77,3 @@ class EgoRun:
     def poses(self) -> FloatArray:
         """Driven poses (n, 3) of the rear axle."""
         return self.log[["x_m", "y_m", "heading_rad"]].to_numpy(dtype=float)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Leader:
-    """The vehicle ahead on the ego's path."""
-
-    gap_m: float  # from the ego's front bumper to the leader's rear bumper; 0 or less where they touch
-    speed_mps: float  # along the ego's path
-    acceleration_mps2: float = 0.0  # 0 where it is unknown: the leader is assumed to keep its speed
-
-    def __post_init__(self) -> None:
-        if not (isfinite(self.gap_m) and isfinite(self.speed_mps) and isfinite(self.acceleration_mps2)):
-            raise InputError(f"{self} must have finite numbers; give None where there is no leader")

@@ -62,7 +62,6 @@ def outlook(
     desired_speed: float = 10.0,
     x: float = 50.0,
     length_m: int = 200,
-    acceleration: float = 1.4,
 ) -> EgoOutlook:
     """The ego at the start of a path from (x, y), a pose a metre, that drifts to the left by `slope`."""
     s = np.arange(0.0, length_m)
@@ -70,5 +69,5 @@ def outlook(
     return EgoOutlook(
         path=path_on_road(path, layout=LAYOUT, vehicle=CAR), station=0.0, vehicle=CAR,
         state=EgoState(x=x, y=y, heading=float(np.arctan(slope)), speed=speed),
-        desired_speeds=np.full_like(s, desired_speed), acceleration=acceleration,
+        desired_speeds=np.full_like(s, desired_speed),
     )  # fmt: skip

@@ -1,15 +1,11 @@
 """How the ego minds others does not depend on where north is."""
 
 import numpy as np
-import pytest
-from behaviour.outlooks import CAR, LAYOUT, MIDDLE, RIGHT, one_vehicle, outlook
+from behaviour.outlooks import CAR, LAYOUT, MIDDLE, RIGHT, one_vehicle, outlook, together
 from builders import paper_road, paper_work_zone, to_world
-from hypothesis import given
-from hypothesis import strategies as st
 
 from wzsumo.behaviour.ego_outlook import EgoOutlook, path_on_road
-from wzsumo.behaviour.giving_way import yield_point_ahead
-from wzsumo.behaviour.leaders import leader_ahead
+from wzsumo.behaviour.ways_of_others import ways_of_others
 from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray
 from wzsumo.mutcd.layout import lay_out
@@ -39,37 +35,16 @@ def turned_outlook(ego: EgoOutlook) -> EgoOutlook:
     return EgoOutlook(
         path=path_on_road(path, layout=TURNED_LAYOUT, vehicle=CAR), station=ego.station, vehicle=CAR,
         state=EgoState(x=float(x), y=float(y), heading=float(heading), speed=ego.state.speed),
-        desired_speeds=ego.desired_speeds, acceleration=ego.acceleration,
+        desired_speeds=ego.desired_speeds,
     )  # fmt: skip
 
 
-@given(
-    behind=st.floats(5, 60), speed=st.floats(0, 30), heading=st.floats(-0.2, 0.2), oncoming=st.booleans(),
-    slope=st.sampled_from([0.05, 0.1]),
-)  # fmt: skip
-def test_yield_point_is_the_same_on_a_road_that_runs_elsewhere(
-    behind: float, speed: float, heading: float, oncoming: bool, slope: float
-) -> None:
-    ego = outlook(RIGHT, slope=slope)
-    place, turned = (behind + 40.0, heading + np.pi) if oncoming else (-behind, heading)
-    other = one_vehicle(place, MIDDLE, speed=speed, heading=turned)
-    here = yield_point_ahead(ego, other, layout=LAYOUT)
-    there = yield_point_ahead(turned_outlook(ego), turned_traffic(other), layout=TURNED_LAYOUT)
-    assert there == (None if here is None else pytest.approx(here, abs=1e-5))
-
-
-@given(ahead=st.floats(8, 60), aside=st.floats(-4, 4), speed=st.floats(0, 30), heading=st.floats(-1.0, 1.0))
-def test_leader_is_the_same_on_a_road_that_runs_elsewhere(ahead: float, aside: float, speed: float, heading: float) -> None:
-    ego = outlook(RIGHT)
-    other = one_vehicle(ahead, RIGHT + aside, speed=speed, heading=heading)
-    here = leader_ahead(ego, other, layout=LAYOUT)
-    there = leader_ahead(turned_outlook(ego), turned_traffic(other), layout=TURNED_LAYOUT)
-    assert (here is None) == (there is None)
-    if here is not None and there is not None:
-        assert there.gap_m == pytest.approx(here.gap_m, abs=1e-5)
-
-
-def test_oncoming_vehicle_is_yielded_to_where_the_road_runs_elsewhere() -> None:
-    ego, other = outlook(RIGHT, slope=0.1), one_vehicle(60.0, MIDDLE, speed=15.0, heading=np.pi)
-    assert yield_point_ahead(ego, other, layout=LAYOUT) is not None
-    assert yield_point_ahead(turned_outlook(ego), turned_traffic(other), layout=TURNED_LAYOUT) is not None
+def test_ways_are_the_same_on_a_road_that_runs_elsewhere() -> None:
+    times = np.arange(0.0, 8.0, 0.5)
+    traffic = together(one_vehicle(30.0, RIGHT, speed=7), one_vehicle(-25.0, MIDDLE, speed=20.0, heading=0.02))
+    ego = outlook(slope=0.05)
+    here = ways_of_others(ego, traffic, layout=LAYOUT, times=times, side_margin_m=0.5)
+    there = ways_of_others(turned_outlook(ego), turned_traffic(traffic), layout=TURNED_LAYOUT, times=times, side_margin_m=0.5)
+    assert len(here.enters) == 2
+    for name in here._fields:
+        np.testing.assert_allclose(getattr(there, name), getattr(here, name), atol=1e-4)

@@ -88,10 +88,9 @@ def test_new_plan_near_the_end_begins_before_the_last_pose(follower: PathFollowe
     assert starts == [(299.0, Y, 0.0)]
 
 
-def test_outlook_wants_the_target_speed_with_the_drivers_acceleration(follower: PathFollower) -> None:
+def test_outlook_wants_the_target_speed(follower: PathFollower) -> None:
     outlook = follower.outlook(at(150.0))
     assert outlook.station == pytest.approx(50.0)
-    assert outlook.acceleration == 1.4
     assert outlook.desired_speeds == pytest.approx(np.full(201, 15.0))
 
 

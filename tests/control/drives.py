@@ -1,15 +1,12 @@
 """Paths of known shape and drives along them."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from wzsumo.behaviour.ceiling import AccelerationCeiling
-from wzsumo.behaviour.hindrance import Hindrance
 from wzsumo.control.controller import Controller
 from wzsumo.control.plant import PlantSpec, advance_ego
-from wzsumo.ego import EgoState, Leader
+from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray
 from wzsumo.path import ReferencePath
 from wzsumo.scenario.sections import ControlSection
@@ -69,24 +66,21 @@ def drive(
     speed: float,
     dt: float = 0.05,
     offset: float = 0.0,
-    leader: Callable[[float, EgoState], Leader] | None = None,
     time_limit: float = 200.0,
 ) -> Columns:
     """Columns of a drive from the path's start, `offset` to its left, until its end or the time limit."""
-    controller, following = Controller(path, CAR, control), AccelerationCeiling(control)
+    controller = Controller(path, CAR, control)
     x, y, heading = path.poses[0]
     state = EgoState(x=x - offset * np.sin(heading), y=y + offset * np.cos(heading), heading=heading, speed=speed)
     rows = []
     for k in range(int(time_limit / dt)):
-        ahead = leader(k * dt, state) if leader else None
-        ceiling = following.next(Hindrance(leader=ahead), speed=state.speed, dt=dt)
-        command = controller.command(state, dt=dt, ceiling=ceiling)
+        command = controller.command(state, dt=dt)
         rows.append((
             k * dt, controller.station_m, controller.cross_track_m, state.speed, state.steering, state.acceleration,
-            command.throttle - command.brake, ahead.gap_m if ahead else np.nan,
+            command.throttle - command.brake,
         ))  # fmt: skip
         if controller.reached_end:
             break
         state = advance_ego(state, command, dt=dt, vehicle=CAR, spec=plant)
-    names = ("time", "station", "cross_track", "speed", "steering", "acceleration", "pedal", "gap")
+    names = ("time", "station", "cross_track", "speed", "steering", "acceleration", "pedal")
     return dict(zip(names, np.array(rows).T, strict=True))

@@ -10,8 +10,6 @@ from wzsumo.path import ReferencePath
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
-TOUCHING_GAP_M = 0.2  # bodies nearer to each other than this count as touching; chosen by us
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathOnRoad:
@@ -31,7 +29,6 @@ class EgoOutlook:
     state: EgoState
     vehicle: VehicleGeometry
     desired_speeds: FloatArray  # (n,) m/s at the path's poses, lower before and in bends
-    acceleration: float  # m/s2, with which it speeds up to them
 
 
 def path_on_road(path: ReferencePath, *, layout: WorkZoneLayout, vehicle: VehicleGeometry) -> PathOnRoad:

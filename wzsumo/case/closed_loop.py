@@ -7,15 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from wzsumo.behaviour.ceiling import AccelerationCeiling
-from wzsumo.behaviour.hindrance import Hindrance, hindrance_ahead
+from wzsumo.behaviour.speed_plan import SpeedPlanner
 from wzsumo.case.replanning import NewMap, PathFollower
 from wzsumo.control.controller import Controller
 from wzsumo.control.plant import PlantSpec, advance_ego
 from wzsumo.ego import Command, EgoRun, EgoState, Outcome, Replan
 from wzsumo.frames import advance
 from wzsumo.metrics.contact import ContactChecker
-from wzsumo.metrics.drive import on_clock
+from wzsumo.metrics.drive import CLOCK_S, on_clock
 from wzsumo.path import ReferencePath
 from wzsumo.scenario.sections import ControlSection
 from wzsumo.simulation.edges import edge_at
@@ -69,7 +68,7 @@ def drive_path(
             return record.ended(Outcome.TIMED_OUT, f"no gap to enter the road within {INSERTION_WAIT_S:g} s")
         follower = PathFollower(path, layout=layout, vehicle=drive.vehicle, control=drive.control)
         entered, maps_to_come, traffic = session.time, deque(new_maps), session.traffic()
-        ceiling, hindrance = AccelerationCeiling(drive.control), Hindrance()
+        planner, highest = SpeedPlanner(drive.control.others), np.inf
         while True:
             if maps_to_come and session.time >= entered + maps_to_come[0].after_s:
                 replan = follower.replan(maps_to_come.popleft(), state, time=session.time)
@@ -82,8 +81,8 @@ def drive_path(
                 session.allow_emergency_braking(_not_ahead(state, traffic))
                 session.resolve_gridlock(traffic)
                 may_enter = session.may_enter_shared_lane()
-                hindrance = hindrance_ahead(follower.outlook(state), traffic, layout=layout, may_enter=may_enter)
-            highest = ceiling.next(hindrance, speed=state.speed, dt=STEP_S)
+                if drive.control.minds_others:
+                    highest = planner.ceiling(follower.outlook(state), traffic, layout=layout, may_enter=may_enter, dt=CLOCK_S)
             command = follower.controller.command(state, dt=STEP_S, ceiling=highest)
             record.steps.append(_log_row(session.time, state, command, follower.controller))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)

@@ -41,7 +41,7 @@ class PathFollower:
         """How the ego goes on from `state` if no vehicle hinders it."""
         return EgoOutlook(
             path=self._on_road, station=self.controller.station_m, state=state, vehicle=self._vehicle,
-            desired_speeds=self._desired_speeds, acceleration=self._control.idm.acceleration_mps2,
+            desired_speeds=self._desired_speeds,
         )  # fmt: skip
 
     def replan(self, new_map: NewMap, state: EgoState, *, time: float) -> Replan:

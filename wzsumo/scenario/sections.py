@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from shapely import Polygon
 
-from wzsumo.behaviour.ceiling import FollowingSpec
+from wzsumo.behaviour.speed_plan import SpeedPlanSpec
 from wzsumo.control.controller import ControlSpec
 from wzsumo.errors import SpecError
 from wzsumo.lidar_mapping.loam import LoamSpec
@@ -104,5 +104,8 @@ class RouteSpec(Spec):
     open_goal_lane: int | None = Field(None, ge=0)  # lane of a second goal, one that continues an open lane
 
 
-class ControlSection(ControlSpec, FollowingSpec):
-    """How the ego is controlled: along its path, to its speed, and behind other vehicles."""
+class ControlSection(ControlSpec):
+    """How the ego is controlled: along its path, to its speed, and among other vehicles."""
+
+    minds_others: bool = True  # false: it drives as if it were alone
+    others: SpeedPlanSpec = SpeedPlanSpec()

@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+from behaviour.outlooks import CAR, LANE, LAYOUT, LEFT, MIDDLE, NOBODY, RIGHT, one_vehicle, outlook, together
+
+from wzsumo.behaviour.ego_outlook import EgoOutlook
+from wzsumo.behaviour.ways_of_others import WaysOfOthers, ways_of_others
+from wzsumo.traffic import Traffic
+
+TIMES = np.arange(0.0, 8.01, 0.25)
+BOTH = (4.8 + CAR.length_m) / 2  # half of the two lengths
+
+
+def ways(ego: EgoOutlook, traffic: Traffic) -> WaysOfOthers:
+    return ways_of_others(ego, traffic, layout=LAYOUT, times=TIMES, side_margin_m=0.5)
+
+
+def test_vehicle_ahead_in_the_lane_is_in_the_way_from_here_on() -> None:
+    found = ways(outlook(), one_vehicle(30.0, RIGHT, speed=7.0))
+    assert found.enters.tolist() == [0.0]
+    np.testing.assert_allclose(found.near[0], 30 - BOTH + 7 * TIMES, atol=0.02)
+    np.testing.assert_allclose(found.far[0], 30 + BOTH + 7 * TIMES, atol=0.02)
+
+
+def test_driver_who_brakes_brakes_on_for_two_seconds_and_does_not_drive_back() -> None:
+    found = ways(outlook(), one_vehicle(30.0, RIGHT, speed=10.0, acceleration=-3.0))
+    assert found.speeds[0, [4, 8, 32]] == pytest.approx([7.0, 4.0, 4.0])
+    assert found.near[0, 8] == pytest.approx(30 - BOTH + 10 * 2 - 3 * 2, abs=0.1)
+    stopping = ways(outlook(), one_vehicle(30.0, RIGHT, speed=3.0, acceleration=-3.0))
+    assert stopping.speeds[0, 4:].max() == 0
+    speeding_up = ways(outlook(), one_vehicle(30.0, RIGHT, speed=10.0, acceleration=2.0))
+    assert speeding_up.speeds[0].max() == 10.0
+
+
+@pytest.mark.parametrize("ahead_m", [-20.0, 0.0, 20.0])
+def test_vehicle_beside_a_straight_path_is_not_in_the_way(ahead_m: float) -> None:
+    assert len(ways(outlook(), one_vehicle(ahead_m, MIDDLE, speed=10)).enters) == 0
+
+
+def test_driver_who_follows_in_the_lane_is_left_out() -> None:
+    assert len(ways(outlook(slope=0.1), one_vehicle(-20, RIGHT, speed=20)).enters) == 0
+
+
+def test_ego_that_drifts_comes_into_the_way_where_half_a_metre_is_left() -> None:
+    found = ways(outlook(slope=0.1), one_vehicle(-20, MIDDLE, speed=20))
+    # 3.66 m apart, half widths of 0.93 and 0.925 m and 0.5 m leave 1.30 m; the front corner swings out by 0.23 m: after 1.07 m
+    # of drift, less 0.14 m that the centre is ahead: 9.4 m, and the next place that is looked at is 10 m.
+    assert found.enters.tolist() == [10.0]
+    np.testing.assert_allclose(found.far[0], -20 + BOTH + 20 * TIMES, atol=1.0)
+
+
+def test_vehicle_that_is_passed_more_closely_already_is_in_the_way_only_where_it_comes_nearer() -> None:
+    beside = RIGHT + 0.93 + 0.925 + 0.3  # 0.3 m between the sides
+    assert len(ways(outlook(), one_vehicle(5.0, beside, speed=10)).enters) == 0
+    assert len(ways(outlook(slope=0.02), one_vehicle(5.0, beside, speed=10)).enters) == 1
+
+
+def test_driver_in_a_lane_that_ends_drifts_on_and_one_in_another_lane_does_not() -> None:
+    # 0.5 m/s to the right for the 2 s until the ego is there.
+    turned = float(np.arcsin(0.5 / 15))
+    side = MIDDLE + 0.93 + 0.925 + 1.0
+    drifting = one_vehicle(30.0, side, speed=15.0, heading=-turned)
+    assert len(ways(outlook(y=MIDDLE, speed=15.0), drifting).enters) == 1
+    straight = one_vehicle(30.0, side, speed=15.0)
+    assert len(ways(outlook(y=MIDDLE, speed=15.0), straight).enters) == 0
+    from_the_right = one_vehicle(30.0, MIDDLE - 0.93 - 0.925 - 1.0, speed=15.0, heading=turned)
+    assert len(ways(outlook(y=MIDDLE, speed=15.0), from_the_right).enters) == 0
+
+
+def test_each_vehicle_has_a_way_of_its_own_and_nobody_has_none() -> None:
+    found = ways(
+        outlook(),
+        together(one_vehicle(30.0, RIGHT, speed=7), one_vehicle(40.0, LEFT, speed=7), one_vehicle(80.0, RIGHT, speed=9)),
+    )
+    assert found.near[:, 0] == pytest.approx([30 - BOTH, 80 - BOTH], abs=0.02)
+    assert ways(outlook(), NOBODY).near.shape == (0, len(TIMES))
+
+
+def test_vehicle_beyond_the_end_of_the_path_is_in_the_way_all_the_same() -> None:
+    found = ways(outlook(length_m=40), one_vehicle(60.0, RIGHT, speed=0.0))
+    assert found.near[0, 0] == pytest.approx(60 - BOTH, abs=0.05)
+
+
+def test_lane_width_of_the_tests_is_that_of_the_paper() -> None:
+    assert pytest.approx(3.6576) == LANE
