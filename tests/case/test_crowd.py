@@ -1,5 +1,5 @@
 from contextlib import nullcontext
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -11,6 +11,7 @@ from wzsumo.case.crowd import (
     collection_figures,
     free_witnessed_ground,
     reported_traces,
+    sets_out_s,
     traces_over_zone,
     witness_reach_m,
     witnessed_ground,
@@ -175,3 +176,31 @@ def test_mixture_is_fitted_when_it_is_first_asked_for() -> None:
     assert not crowd.is_fitted
     assert crowd.mixture.n_components == 1
     assert crowd.is_fitted
+
+
+def passing(**known: Any) -> tuple[pd.DataFrame, Scenario]:
+    """Six vehicles that pass the zone one after the other, v005 first, 100 s apart; all are equipped, three are used."""
+    traces = straight_traces(np.full(6, MIDDLE), length_m=1100.0)
+    after = traces["vehicle_id"].map({f"v00{n}": 100.0 * (5 - n) for n in range(6)})
+    crowd = PAPER.crowd.model_copy(update={"penetration": 1.0, "collected": 4, "used": 3} | known)
+    return traces.assign(time_s=traces["time_s"] + after), PAPER.model_copy(update={"crowd": crowd})
+
+
+def test_map_is_made_of_the_first_traces_to_leave_the_zone_and_the_ego_waits_for_them() -> None:
+    traces, scenario = passing()
+    assert set(reported_traces(traces, scenario, which="used")["vehicle_id"]) == {"v005", "v004", "v003"}
+    # v003 sets out at 200 s and leaves after 1100 m at 20 m/s: 255 s. The warm-up of 120 s is over by then.
+    assert sets_out_s(traces, scenario) == 255.0
+    for used, expected in ((1, 120.0), (4, 355.0), (9, 120.0)):
+        asked = scenario.model_copy(update={"crowd": scenario.crowd.model_copy(update={"used": used})})
+        assert sets_out_s(traces, asked) == expected
+
+
+def test_traces_of_the_whole_run_are_drawn_by_the_seed_and_not_waited_for() -> None:
+    traces, scenario = passing(known="any")
+    drawn = [
+        set(reported_traces(traces, scenario.model_copy(update={"seed": seed}), which="used")["vehicle_id"])
+        for seed in range(8)
+    ]
+    assert len({frozenset(ids) for ids in drawn}) > 1
+    assert sets_out_s(traces, scenario) == 120.0

@@ -124,7 +124,7 @@ def test_no_map_arrives_of_another_source_or_where_the_scenario_names_none(metho
 
 
 def test_drive_begins_after_the_warm_up_and_ends_at_the_latest_400_s_later(driven: list[dict[str, Any]]) -> None:
-    plan = plan_of(straight_path(SAFE_Y))
+    plan = plan_of(straight_path(SAFE_Y))  # three vehicles passed, and none of them waits in the way of the ego's start
     drive_plan(plan, zone(), name="lanes", scenario=PAPER, site=coarse_site(), watch=Watch(in_window=True))
     drive = driven[0]["drive"]
     assert (drive.depart_s, drive.time_limit_s) == (PAPER.simulation.demand.warm_up_s, 400.0)

@@ -42,11 +42,31 @@ def reported_traces(over_zone: pd.DataFrame, scenario: Scenario, *, which: Liter
 
     `over_zone` is what `traces_over_zone` gives. Raises SpecError where fewer equipped vehicles passed than are asked for.
     """
-    crowd = scenario.crowd
-    ids = pd.Index(over_zone["vehicle_id"].unique())
-    equipped = choose_equipped(ids, penetration=crowd.penetration, seed=scenario.seed)
-    chosen = first_traces(equipped, getattr(crowd, which), key=f"crowd.{which}")
+    equipped, _ = equipped_vehicles(over_zone, scenario)
+    chosen = first_traces(equipped, getattr(scenario.crowd, which), key=f"crowd.{which}")
     return report(over_zone[over_zone["vehicle_id"].isin(chosen)], spec=scenario.gnss, seed=scenario.seed)
+
+
+def equipped_vehicles(over_zone: pd.DataFrame, scenario: Scenario) -> tuple[list[str], pd.Series]:
+    """The equipped vehicles in the order in which their traces are used, and the time [s] at which each vehicle has passed."""
+    passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
+    equipped = choose_equipped(passed_at_s.index, penetration=scenario.crowd.penetration, seed=scenario.seed)
+    if scenario.crowd.known == "passed":
+        equipped = list(passed_at_s[equipped].sort_values(kind="stable").index)
+    return equipped, passed_at_s
+
+
+def sets_out_s(over_zone: pd.DataFrame, scenario: Scenario) -> float:
+    """Time [s] at which the ego asks to enter the road: after the warm-up, and when the traces of its map have left the zone.
+
+    All methods of a case set out at this time, in the same traffic. Where the scenario's traces are of the whole run, or fewer
+    passed than are used, the ego sets out after the warm-up.
+    """
+    warm_up_s, used = scenario.simulation.demand.warm_up_s, scenario.crowd.used
+    equipped, passed_at_s = equipped_vehicles(over_zone, scenario)
+    if scenario.crowd.known != "passed" or len(equipped) < used:
+        return warm_up_s
+    return max(warm_up_s, float(np.ceil(passed_at_s[equipped[:used]].max())))
 
 
 def collection_figures(over_zone: pd.DataFrame, scenario: Scenario, *, drives: bool) -> dict[str, Any]:
@@ -54,8 +74,7 @@ def collection_figures(over_zone: pd.DataFrame, scenario: Scenario, *, drives: b
 
     Raises SpecError where fewer passed than are used, or where the ego drives, than a map that arrives on its way is made of.
     """
-    passed_at_s = over_zone.groupby("vehicle_id")["time_s"].max()
-    equipped = choose_equipped(passed_at_s.index, penetration=scenario.crowd.penetration, seed=scenario.seed)
+    equipped, passed_at_s = equipped_vehicles(over_zone, scenario)
     first_traces(equipped, scenario.crowd.used, key="crowd.used")
     for arrival in scenario.map_updates.arrivals if drives and scenario.map_updates else ():
         first_traces(equipped, arrival.used, key="map_updates.arrivals.used")

@@ -7,6 +7,7 @@ from typing import Any
 
 from wzsumo.case.assessment import assess, goal_figures, lidar_figures
 from wzsumo.case.closed_loop import Drive, drive_path
+from wzsumo.case.crowd import sets_out_s
 from wzsumo.case.lidar_baseline import LidarBaseline
 from wzsumo.case.map_method import CrowdMethod, MadeMap, MapMethod
 from wzsumo.case.methods import map_of_before
@@ -85,7 +86,7 @@ def drive_plan(
         return None
     drive = Drive(
         vehicle=scenario.vehicle, control=scenario.control, plant=scenario.plant,
-        depart_s=scenario.simulation.demand.warm_up_s, time_limit_s=DRIVE_LIMIT_S, in_window=watch.in_window,
+        depart_s=sets_out_s(zone.over_zone, scenario), time_limit_s=DRIVE_LIMIT_S, in_window=watch.in_window,
     )  # fmt: skip
     with watch.progress(f"drive on {name}", float(plan.path.arc_length[-1])) as tell, zone.sumo_files() as files:
         return drive_path(plan.path, layout=site.layout, files=files, drive=drive, on_step=tell, new_maps=maps)

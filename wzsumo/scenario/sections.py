@@ -92,6 +92,9 @@ class CrowdSpec(Spec):
     penetration: Annotated[float, Decides.COLLECTION] = Field(0.15, gt=0, le=1)  # share of vehicles that report
     collected: Annotated[int, Decides.COLLECTION] = Field(30, ge=1)  # Chen et al. 2022
     used: int = Field(5, ge=1)  # ibid.
+    # "passed": the map is made of the first traces to leave the zone, and the ego sets out when they have; "any": of traces
+    # of the whole run, drawn by the seed, also of vehicles that pass after the ego.
+    known: Literal["passed", "any"] = "passed"
 
 
 class RouteSpec(Spec):
