@@ -59,11 +59,18 @@ def test_driver_in_a_lane_that_ends_drifts_on_and_one_in_another_lane_does_not()
     turned = float(np.arcsin(0.5 / 15))
     side = MIDDLE + 0.93 + 0.925 + 1.0
     drifting = one_vehicle(30.0, side, speed=15.0, heading=-turned)
-    assert len(ways(outlook(y=MIDDLE, speed=15.0), drifting).enters) == 1
+    assert len(ways(outlook(y=MIDDLE, speed=16.0), drifting).enters) == 1
     straight = one_vehicle(30.0, side, speed=15.0)
-    assert len(ways(outlook(y=MIDDLE, speed=15.0), straight).enters) == 0
+    assert len(ways(outlook(y=MIDDLE, speed=16.0), straight).enters) == 0
     from_the_right = one_vehicle(30.0, MIDDLE - 0.93 - 0.925 - 1.0, speed=15.0, heading=turned)
-    assert len(ways(outlook(y=MIDDLE, speed=15.0), from_the_right).enters) == 0
+    assert len(ways(outlook(y=MIDDLE, speed=16.0), from_the_right).enters) == 0
+
+
+@pytest.mark.parametrize(("ahead_m", "speed"), [(30.0, 17.0), (-30.0, 15.0), (-30.0, 25.0), (2.0, 15.0)])
+def test_driver_who_comes_over_faster_than_the_ego_or_behind_it_minds_the_ego(ahead_m: float, speed: float) -> None:
+    turned = float(np.arcsin(0.5 / speed))
+    coming = one_vehicle(ahead_m, MIDDLE + 0.93 + 0.925 + 1.0, speed=speed, heading=-turned)
+    assert len(ways(outlook(y=MIDDLE, speed=16.0), coming).enters) == 0
 
 
 def test_each_vehicle_has_a_way_of_its_own_and_nobody_has_none() -> None:

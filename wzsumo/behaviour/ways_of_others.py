@@ -39,7 +39,8 @@ def ways_of_others(
     """The ways of the vehicles near the ego that it is in, or comes into.
 
     Drivers keep their speed, those who brake brake on for BRAKING_LASTS_S. They keep their place in their lane, wherever it
-    leads; in a lane that ends, whoever drifts to one side drifts on for DRIFT_S. A vehicle is in the way where less than
+    leads; in a lane that ends, a slower driver ahead who drifts to one side drifts on for DRIFT_S. One behind who comes over to
+    the ego's lane minds the ego. A vehicle is in the way where less than
     `side_margin_m` is left between the two sides; one that drives beside the ego with less is in the way where it comes nearer
     by 0.1 m. A vehicle behind, in whose way the ego is already, follows it and is left out.
     """
@@ -52,7 +53,10 @@ def ways_of_others(
     stations, offsets = layout.road.to_sd(traffic.poses[:, :2]) if traffic.ids else (np.empty(0), np.empty(0))
     headings = traffic.poses[:, 2] - layout.road.heading_at(stations)
     speed = traffic.speeds * np.cos(headings)
-    drift = np.where(_in_ending_lane(stations, offsets, layout), traffic.speeds * np.sin(headings), 0.0)
+    half_length = (traffic.lengths + outlook.vehicle.length_m) / 2
+    may_come_over = (stations - half_length > ego_s[0]) & (speed < outlook.state.speed)
+    may_come_over &= _in_ending_lane(stations, offsets, layout)
+    drift = np.where(may_come_over, traffic.speeds * np.sin(headings), 0.0)
     half_width = half_extents(turned, outlook.vehicle.length_m, outlook.vehicle.width_m)[1] + traffic.widths[:, None] / 2
     aside = _offsets_in_lane(stations, offsets, at=ego_s, layout=layout) - ego_d
     moved = drift[:, None] * np.clip(places / max(outlook.state.speed, 1.0), 0.0, DRIFT_S)
@@ -60,7 +64,6 @@ def ways_of_others(
     gap = np.where(crossed, 0.0, np.minimum(np.abs(aside + moved), np.abs(aside))) - half_width
     margin = np.clip(gap[:, :1] - 0.1, 0.1, side_margin_m) if gap.size else gap
     in_way = gap < np.where(gap[:, :1] > 0, margin, 0.1)
-    half_length = (traffic.lengths + outlook.vehicle.length_m) / 2
     follows = in_way[:, 0] & (stations < ego_s[0]) if in_way.size else np.zeros(len(stations), dtype=bool)
     kept = in_way.any(axis=1) & ~follows
     braking = np.minimum(traffic.accelerations, 0.0)[:, None] * np.minimum(times, BRAKING_LASTS_S)
