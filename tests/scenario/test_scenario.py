@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from sweep_trials import a_study
 
-from wzsumo.scenario.scenario import Scenario
+from wzsumo.scenario.scenario import Scenario, load_scenario
 from wzsumo.scenario.sections import CrowdSpec, Decides
 from wzsumo.sweep.evaluation.study_case import StudyCase
 
@@ -83,3 +83,10 @@ def test_methods_of_one_source_share_it_and_no_evaluation() -> None:
     (driven,) = a_study(methods=("swept",), drive=True, seed=[21]).cases
     assert driven.source == swept.source
     assert driven.evaluation != swept.evaluation
+
+
+def test_ego_drives_the_posted_speed_unless_the_scenario_names_one_and_its_path_is_planned_for_it() -> None:
+    for name, speed in (("right_lane", 65 * 0.44704), ("one_lane_signal", 45 * 0.44704), ("paper", 10.0)):
+        scenario = load_scenario(f"scenarios/{name}.toml")
+        assert scenario.control.target_speed_mps == pytest.approx(speed)
+        assert scenario.planner.planned_speed_mps == pytest.approx(speed)

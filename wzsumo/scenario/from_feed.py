@@ -216,5 +216,4 @@ def _content_of(parts: dict[str, Any], *, n_open: int, name: str) -> dict[str, A
     return {
         "name": name, "seed": 1, "road": parts["road"], "work_zone": parts["work_zone"], "simulation": {"demand": demand},
         "crowd": {"penetration": 0.2, "collected": 30, "used": 5}, "route": {"start_lane": lane, "goal_lane": lane},
-        "control": {"target_speed_mps": 10.0},
     }  # fmt: skip

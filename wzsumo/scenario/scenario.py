@@ -64,6 +64,20 @@ class Scenario(Spec):
             )
         return content | {"work_zone": zone | {"start_ft": 0.0}}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _drives_the_posted_speed(cls, content: Any) -> Any:
+        """Where no speed is named the ego drives the posted one; its path is planned for the speed that it drives."""
+        if not isinstance(content, dict):
+            return content
+        zone, control, planner = (content.get(name, {}) for name in ("work_zone", "control", "planner"))
+        posted = zone.get("posted_speed_mph") if isinstance(zone, dict) else None
+        if not (isinstance(posted, int | float) and isinstance(control, dict) and isinstance(planner, dict)):
+            return content
+        speed = control.get("target_speed_mps", mps_from_mph(posted))
+        named = {"control": {"target_speed_mps": speed} | control, "planner": {"planned_speed_mps": speed} | planner}
+        return content | named
+
     @model_validator(mode="after")
     def _has_one_place(self) -> Self:
         if (self.road is None) == (self.network is None):
