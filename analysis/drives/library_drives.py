@@ -26,7 +26,8 @@ from wzsumo.units import mps_from_mph
 LIBRARY = Path(__file__).parents[2] / "scenarios"
 PAPER_SPEED_MPS = 10.0
 KEPT_FIGURES = (
-    "outcome", "reason", "plan_status", "plan_speed_mps", "precision", "recall", "iou", "plan_ms", "n_expansions",
+    "outcome", "reason", "clean", "faults", "plan_status", "plan_speed_mps", "precision", "recall", "iou", "plan_ms",
+    "n_expansions",
     "path_length_m", "drive_time_s", "max_cross_track_m", "case_cpu_s",
 )  # fmt: skip
 # Outcomes that a column of the printed tables counts.
@@ -39,7 +40,10 @@ COUNTED_OUTCOMES = {
 }
 # Column of rows.csv that a column of the printed tables shows, and which drive of several: the worst or the median.
 SHOWN_FIGURES = {
+    "clean": ("clean", "sum"),
     "clearance m": ("driven_min_clearance_devices_m", "min"),
+    "over a line": ("driven_over_line_share", "max"),
+    "behind m/s2": ("driven_braking_behind_mps2", "max"),
     "TTC s": ("driven_min_ttc_s", "min"),
     "DRAC m/s2": ("driven_max_drac_mps2", "max"),
     "lateral m/s2": ("driven_max_lateral_acceleration_mps2", "max"),
@@ -123,7 +127,7 @@ def drives(cases: list[StudyCase], fleets: Path) -> list[dict[str, Any]]:
 
 
 def print_tables(table: pd.DataFrame) -> None:
-    """Print Markdown: a table of each method and speed, a line a scenario, then the drives that did not reach the goal."""
+    """Print Markdown: a table of each method and speed, a line a scenario, then the drives that are not clean."""
     for (method, speed), part in table.groupby(["method", "speed"]):
         print(f"\n**{method}, {'10 m/s' if speed == '10' else 'posted speed'}**\n")
         columns = [*COUNTED_OUTCOMES, *SHOWN_FIGURES]
@@ -132,8 +136,8 @@ def print_tables(table: pd.DataFrame) -> None:
             counts = [str(drives["outcome"].isin(outcomes).sum()) for outcomes in COUNTED_OUTCOMES.values()]
             shown = [f"{drives[column].agg(which):.2f}" for column, which in SHOWN_FIGURES.values()]
             print(f"| {name} | {' | '.join([str(len(drives)), *counts, *shown])} |")
-    for row in table[table["outcome"] != "REACHED_GOAL"].itertuples():
-        print(f"\n- {row.scenario}, {row.method}, {row.speed}, seed {row.seed}: {row.outcome}, {row.reason}")
+    for row in table[~table["clean"].astype(bool)].itertuples():
+        print(f"\n- {row.scenario}, {row.method}, {row.speed}, seed {row.seed}: {row.faults}")
 
 
 if __name__ == "__main__":
