@@ -193,7 +193,7 @@ def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder: Path, tmp_path: 
 
 
 def test_folder_without_a_run_is_refused_with_the_files_it_lacks(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"result\.json, .*samples\.csv missing"):
+    with pytest.raises(InputError, match=r"result\.json, .*traces\.parquet missing"):
         write_report(tmp_path)
 
 

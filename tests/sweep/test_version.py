@@ -36,7 +36,7 @@ def test_edit_of_a_module_that_tells_or_draws_keeps_finished_results(copy: Path,
     "module",
     ["case/evaluation.py", "sweep/evaluation/tasks.py", "sweep/evaluation/study_case.py", "scenario/site.py",
      "crowd_mapping/lanes/fit.py", "simulation/network.py", "planning/plan.py",
-     "behaviour/ceiling.py", "metrics/drive.py", "files/ros_map.py", "road.py", "frames.py"],
+     "behaviour/speed_plan.py", "metrics/drive.py", "files/ros_map.py", "road.py", "frames.py"],
 )  # fmt: skip
 def test_edit_of_a_module_that_decides_a_result_makes_new_results(copy: Path, module: str) -> None:
     before = digest_of(copy)
