@@ -38,8 +38,8 @@ class LaneCharts:
 
     `closing` (L, m); `ends` (2, L, moves): of the starts and of the ends of closures; `opening` (L, take-ups). `leaving` (2
     kinds of vehicles, L, m, 2) counts those that left and stayed, `places` (2, L, places) where, `using` (2, L, 2) those
-    on closed ground and not. `ratios` (2, L, moves, 3) are sums of moved ends' likelihood ratios,
-    of their squares, and how many.
+    on closed ground and not. `ratios` (2, L, moves, 2) are sums of moved ends' likelihood
+    ratios, and how many.
     """
 
     closing: FloatArray
@@ -64,7 +64,7 @@ def first_lane_charts(ground: Ground) -> LaneCharts:
     places = np.zeros((2, n, windows_of(ground).places))
     leaving, using = np.zeros((2, n, m, 2)), np.zeros((2, n, 2))
     ends, opening = np.zeros((2, n, len(MOVES_M))), np.zeros((n, len(TAKE_UPS)))
-    ratios = np.zeros((2, n, len(MOVES_M), 3))
+    ratios = np.zeros((2, n, len(MOVES_M), 2))
     return LaneCharts(
         closing=np.zeros((n, m)), closing_since=np.zeros((n, m), dtype=np.int32), leaving=leaving,
         leaving_pending=np.zeros_like(leaving), ends=ends, ends_since=np.zeros(ends.shape, dtype=np.int32), places=places,
@@ -192,13 +192,11 @@ def _add_places(  # noqa: C901 - one pass over lanes and moves
                     ratio += seen[k, x] * now / was
             ratio = 1 - SHOWN_SHARE + SHOWN_SHARE * ratio
             # Divided by what it is in the mean, since the density is only known by counting.
-            count = ratios[k, i, 2] + 10.0
+            count = ratios[k, i, 1] + 10.0
             mean = (ratios[k, i, 0] + 10.0) / count
-            error = np.sqrt(max((ratios[k, i, 1] + 20.0) / count - mean * mean, 0.1) / count)
             ratios_pending[k, i, 0] += ratio
-            ratios_pending[k, i, 1] += ratio * ratio
-            ratios_pending[k, i, 2] += 1
-            value = evidence[k, i] + np.log(ratio / max(mean + error, 1.0))
+            ratios_pending[k, i, 1] += 1
+            value = evidence[k, i] + np.log(ratio / max(mean, 1.0))
             if value <= 0:
                 value = 0.0
                 since[k, i] = number
@@ -215,8 +213,8 @@ def _add_places(  # noqa: C901 - one pass over lanes and moves
             ratios[k] += ratios_pending[k]
             ratios_pending[k] = 0.0
             for i in range(len(moves)):
-                if ratios[k, i, 2] > MOST_TRACES:
-                    ratios[k, i] *= MOST_TRACES / ratios[k, i, 2]
+                if ratios[k, i, 1] > MOST_TRACES:
+                    ratios[k, i] *= MOST_TRACES / ratios[k, i, 1]
             if habit[k].sum() > MOST_TRACES:
                 habit[k] *= MOST_TRACES / habit[k].sum()
 
