@@ -19,7 +19,7 @@ from wzsumo.live.charts.restart import restarted_lanes, restarted_passing, resta
 from wzsumo.live.charts.shape_charts import ShapeCharts, add_steps, first_shape_charts, without_evidence
 from wzsumo.live.charts.thresholds import calibrated_thresholds
 from wzsumo.live.ground import Ground, ground_of
-from wzsumo.live.redraw import confirmed, shift_of, with_lane_change, with_shift
+from wzsumo.live.redraw import LATEST_STARTS, change_point, confirmed, shift_of, with_lane_change, with_shift
 from wzsumo.live.trace.decoding import draw_ways, error_levels, error_of, first_levels
 from wzsumo.live.trace.lane_use import use_of_lanes
 from wzsumo.live.trace.reading import WANDER_SD_M, Reading
@@ -165,6 +165,9 @@ def _is_being_redrawn(live: LiveMap, finding: Finding) -> bool:
 def _alarmed(live: LiveMap, finding: Finding, reading: Reading) -> Step:
     thresholds, error = calibrated_thresholds(), error_of(live.levels)
     traces = since(live.recent, finding.since) or live.recent[-1:]
+    if finding.family in (Family.STEP, Family.MOVED) and len(traces) <= LATEST_STARTS:
+        finding = replace(finding, since=change_point(live.ground, finding, traces))
+        traces = since(live.recent, finding.since)
     redrawing = Redrawing(finding=finding, before=live.ground, lane=None, profile=None)
     drawn, change = _drawn(live, redrawing, traces)
     alarm = Alarm(

@@ -21,6 +21,7 @@ P_CLOSED, P_OPEN = 0.08, 0.9  # that closed ground is open; that ground is which
 USED_SHARE = 0.05  # of the passing traces, up to which a lane counts as not driven
 CONFIRMED_SHARE, CONFIRMED_SDS = 0.5, 3.0  # of the size that a chart looks for, and deviations, that a fitted shift must have
 ALONE_SHARE = 0.5  # of a stretch on which no other lane is open
+LATEST_STARTS = 12  # of the last traces, before each of which lanes may have moved; beyond, evidence grew slowly anyway
 LEAST_USERS = 2  # traces that open ground
 
 
@@ -40,6 +41,15 @@ def shift_of(ground: Ground, finding: Finding, traces: Recent) -> tuple[int | No
     if others is not None and others.mean() > ALONE_SHARE:
         lane = None  # no other lane is open there, of which to say that it did not move
     return lane, fit_shift(ground, traces, lane=lane, edges=edges, positive=SIZES_M[size] > 0)
+
+
+def change_point(ground: Ground, finding: Finding, traces: Recent) -> int:
+    """Number of the last trace before the lanes moved: those behind it gain most by a shift."""
+    gains = {}
+    for first in range(max(0, len(traces) - LATEST_STARTS), len(traces)):
+        _, shift = shift_of(ground, finding, traces[first:])
+        gains[traces[first].number - 1] = -np.inf if shift is None else shift.gain
+    return max(gains, key=lambda number: gains[number])
 
 
 def confirmed(ground: Ground, finding: Finding, traces: Recent) -> bool:

@@ -19,11 +19,12 @@ UNSURE_NATS = 2.0  # behind the best fit: two standard deviations
 class Shift:
     """Lanes moved by `size` [m] to the left between `start` and `end` [m], the middles of its two ramps; with deviations.
 
-    `profile` (m,) [m] is the shift at the cells.
+    `profile` (m,) [m] is the shift at the cells, `gain` [nats] how much better the traces are explained than without it.
     """
 
     size: float
     size_sd: float
+    gain: float
     start: float
     start_sd: float
     end: float
@@ -74,7 +75,8 @@ def fit_shift(
     start, start_ramp, end, end_ramp = candidates[best]
     spacing, origin = ground.spacing, ground.cells[0]
     return Shift(
-        size=float(size[best]), size_sd=float(1 / np.sqrt(information[best])), start=float(origin + spacing * start),
+        size=float(size[best]), size_sd=float(1 / np.sqrt(information[best])), gain=float(gain[best]),
+        start=float(origin + spacing * start),
         start_sd=spacing * spread[0], end=float(origin + spacing * end), end_sd=spacing * spread[1],
         start_ramp=float(spacing * start_ramp), end_ramp=float(spacing * end_ramp),
         profile=float(size[best]) * _trapezoid(index, *candidates[best]),
