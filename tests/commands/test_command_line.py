@@ -157,7 +157,7 @@ def test_map_command_frees_the_lane_that_was_driven_and_leaves_the_rest_unknown(
     ("content", "says"),
     [
         ("", "cannot be read"),
-        ("vehicle_id,time_s,x_m\nv1,0,1\n", "y_m missing"),
+        ("vehicle_id,time_s,x_m\nv1,0,1\n", "no column for y_m"),
         ("vehicle_id,time_s,x_m,y_m\n", "no fixes"),
         ("vehicle_id,time_s,x_m,y_m\nv1,0,nan,2\nv1,1,2,2\n", "x_m of row 0"),
         ("vehicle_id,time_s,x_m,y_m\nv1,0,-86.91,40.42\nv1,1,-86.9101,40.42\n", "metres"),
