@@ -19,15 +19,27 @@ LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3
 LOG_PRIOR_PER_LANE = -5.0  # with ODD_SHARE: a lane must be worth two good witnesses. Chosen by us
 ODD_SHARE = 0.002  # of traces that say nothing of the number of lanes: so none says more than 6 nats. Chosen by us
+FITTED = 2  # numbers of lanes, the likeliest after rough fits, that are fitted in full
 HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is made
 
 
 def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> LaneFit:
     """The likeliest fit over the numbers of lanes; without `off_lane` no vehicle is beside them."""
-    fits = _rival_fits(observations, off_lane=off_lane)
+    everyone = receivers_of(observations)
+    rough = [
+        fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone, rounds=SCOUT_ROUNDS, roughly=True)
+        for fit in _rivals(scouts_of(observations), off_lane=off_lane)
+    ]
+    likeliest = np.argsort(-_with_closures(rough, observations), kind="stable")[:FITTED]
+    fits = [fit_lanes(observations, rough[i].setting, course=rough[i].course.offset, receivers=everyone) for i in likeliest]
+    return fits[int(np.argmax(_with_closures(fits, observations)))]
+
+
+def _with_closures(fits: list[LaneFit], observations: Observations) -> FloatArray:
+    """Scores (fits,) with what possible closures add; a fit whose outer lanes lack users is out of the question."""
     closing = np.array([log_closing(fit, observations) for fit in fits])
     lacking = np.array([_outer_lanes_without_users(fit) for fit in fits])
-    return fits[int(np.argmax(scores(fits) + closing - 1e6 * lacking))]
+    return np.asarray(scores(fits) + closing - 1e6 * lacking)
 
 
 def scores(fits: list[LaneFit]) -> FloatArray:
@@ -43,7 +55,7 @@ def scores(fits: list[LaneFit]) -> FloatArray:
 
 
 def _outer_lanes_without_users(fit: LaneFit) -> int:
-    """How many of the two outer lanes lack users: with any, a fit is out of the question."""
+    """How many of the two outer lanes lack users."""
     if fit.setting.n_lanes == 1:
         return 0
     users = fit.in_lane.max(axis=1).sum(axis=0)
@@ -51,17 +63,11 @@ def _outer_lanes_without_users(fit: LaneFit) -> int:
     return int(users[0] < least) + int(users[-1] < least)
 
 
-def _rival_fits(observations: Observations, *, off_lane: bool = True) -> list[LaneFit]:
-    """Fits to all traces, with the numbers of lanes that some traces make likely."""
-    scouts = scouts_of(observations)
+def _rivals(scouts: Observations, *, off_lane: bool) -> list[LaneFit]:
+    """Fits to some traces, with the numbers of lanes that these make likely."""
     tried = _scouted(scouts, off_lane=off_lane)
     score = scores(tried)
-    everyone = receivers_of(observations)
-    return [
-        fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone)
-        for fit, one in zip(tried, score, strict=True)
-        if one > score.max() - RIVAL
-    ]
+    return [fit for fit, one in zip(tried, score, strict=True) if one > score.max() - RIVAL]
 
 
 def _scouted(scouts: Observations, *, off_lane: bool) -> list[LaneFit]:
