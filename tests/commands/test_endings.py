@@ -31,12 +31,12 @@ def started(*words: object, folder: Path, **options: object) -> "subprocess.Pope
 
 
 def is_simulating(process: "subprocess.Popen[bytes]") -> bool:
-    """Whether SUMO has begun to simulate: the first share of its progress bar is there."""
+    """Whether SUMO has begun to simulate: its progress bar, the first, shows more than nothing."""
     assert process.stderr is not None
     read = b""
     while piece := process.stderr.read(1):
         read += piece
-        if b" 1 %" in read or b" 2 %" in read:
+        if re.search(rb" [1-9]\d* %", read[-8:]):
             return True
     return False
 
