@@ -13,7 +13,7 @@ _SHOWN = reprlib.Repr()
 _SHOWN.maxlevel, _SHOWN.maxlist, _SHOWN.maxtuple, _SHOWN.maxdict = 3, 12, 12, 12
 _SHOWN.maxstring = _SHOWN.maxother = _SHOWN.maxlong = MAX_SHOWN
 # What readers raise at content that is damaged or of another kind: values, types and keys that are not there, a nesting that is
-# too deep, a PNG's broken chunk (SyntaxError), a broken stream.
+# too deep, a PNG's broken chunk (SyntaxError), a kind of compression that zipfile lacks (NotImplementedError), a broken stream.
 DAMAGED: tuple[type[Exception], ...] = (
     OSError, EOFError, ValueError, TypeError, LookupError, AttributeError, OverflowError, RecursionError, MemoryError,
     SyntaxError, NotImplementedError, zlib.error, struct.error,

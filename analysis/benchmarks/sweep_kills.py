@@ -40,7 +40,7 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=10)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
-    chance = random.Random(args.seed)  # noqa: S311 - moments of kills, no secret
+    chance = random.Random(args.seed)
     with tempfile.TemporaryDirectory() as root:
         study = Path(root) / "kills.toml"
         study.write_text(STUDY)

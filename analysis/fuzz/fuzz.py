@@ -59,7 +59,7 @@ def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = 
         templates = _templates((out / "templates").resolve(), needed)
         for number in numbers:
             name = kind or list(KINDS)[number % len(KINDS)]
-            chance = random.Random(f"{seed} {number} {name}")  # noqa: S311 - no secret
+            chance = random.Random(f"{seed} {number} {name}")
             ending, said, used = _tried(name, chance, Path(base), templates)
             counts[name, ending] += 1
             before = most.get((name, ending), (0.0, 0.0))

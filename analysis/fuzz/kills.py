@@ -39,7 +39,7 @@ def main() -> None:
     shutil.rmtree(base, ignore_errors=True)
     base.mkdir(parents=True)
     finished = {name: _finished(name, base) for name in args.commands}
-    chance, counts = random.Random(args.seed), Counter[tuple[str, str, str]]()  # noqa: S311 - no secret
+    chance, counts = random.Random(args.seed), Counter[tuple[str, str, str]]()
     for number in range(2 * args.kills):
         name, sign = args.commands[number // 2 % len(args.commands)], (signal.SIGKILL, signal.SIGTERM)[number % 2]
         for what in _trial(name, sign, base, finished[name], chance=chance):

@@ -14,6 +14,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -42,8 +43,8 @@ def changes(error: float, interval_s: float) -> dict[str, Change]:
     """All kinds at a receiver error [m] and a sampling interval [s]."""
     world = World(error=error, interval_s=interval_s)
 
-    def to(*kinds: Kind, **after: float) -> Change:
-        return Change(before=world, after=replace(world, **after), kinds=kinds)  # type: ignore[arg-type]
+    def to(*kinds: Kind, **after: Any) -> Change:
+        return Change(before=world, after=replace(world, **after), kinds=kinds)
 
     found = {"lane_closed": Change(before=replace(world, closed=False), after=world, kinds=(Kind.LANE_CLOSED,))}
     for size in (0.5, 1.0, 2.0):
@@ -126,8 +127,9 @@ def _row(change: Change, runs: list[tuple[float, Alarm | None]]) -> list[object]
     delays = np.array([number for number, _ in runs])
     alarms = [alarm for _, alarm in runs if alarm]
     right = [alarm for alarm in alarms if alarm.change.kind in change.kinds]
-    sizes = [alarm.change.size_m - change.after.shift for alarm in right if alarm.change.kind is Kind.SHIFTED]  # type: ignore[operator]
-    starts = [alarm.change.start_m - change.after.shift_from for alarm in right if alarm.change.kind is Kind.SHIFTED]  # type: ignore[operator]
+    shifted = [alarm.change for alarm in right if alarm.change.kind is Kind.SHIFTED]  # these have a size and a place
+    sizes = [(one.size_m or 0.0) - change.after.shift for one in shifted]
+    starts = [(one.start_m or 0.0) - change.after.shift_from for one in shifted]
     median, late = np.quantile(delays, [0.5, 0.95], method="higher")
     return [
         f"{median:.0f}", f"{late:.0f}", int(np.isinf(delays).sum()), f"{len(right) / len(runs):.2f}",

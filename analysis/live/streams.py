@@ -24,12 +24,12 @@ FLOW_PER_S = 0.012  # of traces: 1,700 vehicles an hour, of which 2.5 % report
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """How the zone is, and who drives on it. All lengths in metres."""
+    """The zone as it stands, and the drivers on it. All lengths in metres."""
 
     closed: bool = True  # the left lane, between closed_from and closed_to
     closed_from: float = CLOSED_FROM_M
     closed_to: float = CLOSED_TO_M
-    take_up: float = 0.0  # share of those that would have left the closed lane, or would not use it, who drive in it
+    take_up: float = 0.0  # share of drivers that use the closed lane though it is closed
     shift: float = 0.0  # of all lanes between shift_from and shift_to, to the left
     shift_from: float = CLOSED_FROM_M
     shift_to: float = CLOSED_TO_M

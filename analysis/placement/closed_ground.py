@@ -18,7 +18,7 @@ def entered(fcd: Path, placed: Path, *, sizes: dict[str, tuple[float, float]] | 
     shapely.prepare(core)
     left, low, right, high = ground.bounds
     found: set[str] = set()
-    for _, step in ET.iterparse(fcd):  # noqa: S314 a file that SUMO has just written
+    for _, step in ET.iterparse(fcd):
         if step.tag != "timestep":
             continue
         for vehicle in step:
@@ -33,7 +33,7 @@ def entered(fcd: Path, placed: Path, *, sizes: dict[str, tuple[float, float]] | 
 
 def closed_ground(placed: Path) -> BaseGeometry:
     """The ground that the devices fence off, in the network's metres, as a folder of `wzsumo place` draws it."""
-    drawing = ET.parse(placed / "closed" / "wzsumo.zone.add.xml")  # noqa: S314
+    drawing = ET.parse(placed / "closed" / "wzsumo.zone.add.xml")
     shapes = [poly.get("shape", "") for poly in drawing.iter("poly") if poly.get("type") == "closed_area"]
     polygons = [shapely.Polygon([tuple(map(float, point.split(","))) for point in shape.split()]) for shape in shapes]
     return shapely.union_all(polygons)

@@ -79,7 +79,7 @@ def _run(placed: Path, name: str, seed: int) -> tuple[dict[str, float], pd.DataF
         "--duration-log.statistics",
     ]  # fmt: skip
     subprocess.run(command, check=True, capture_output=True)
-    found = {element.tag: element.attrib for element in ET.parse(statistics).getroot()}  # noqa: S314
+    found = {element.tag: element.attrib for element in ET.parse(statistics).getroot()}
     mean = found["vehicleTripStatistics"]
     over = len(entered(fcd, placed, sizes={"truck": TRUCK}))
     figures = {
@@ -89,7 +89,7 @@ def _run(placed: Path, name: str, seed: int) -> tuple[dict[str, float], pd.DataF
     }  # fmt: skip
     places = [
         (float(vehicle.get("x", 0)), float(vehicle.get("speed", 0)))
-        for _, step in ET.iterparse(fcd)  # noqa: S314
+        for _, step in ET.iterparse(fcd)
         if step.tag == "timestep"
         for vehicle in step
     ]
@@ -116,7 +116,7 @@ def _draw_lanes(axes: Axes, placed: Path) -> None:
     start = devices[["x_m", "y_m"]].iloc[0].to_numpy()
     heading = float(devices["heading_rad"].median())
     turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
-    for lane in ET.parse(placed / "closed" / "freeway.net.xml").getroot().iter("lane"):  # noqa: S314
+    for lane in ET.parse(placed / "closed" / "freeway.net.xml").getroot().iter("lane"):
         points = (parse_shape(lane.get("shape", "")) - start) @ turn
         if points[:, 0].max() < -200 or points[:, 0].min() > 800 or lane.get("id", "").startswith(":"):
             continue

@@ -66,9 +66,9 @@ def _run(folder: Path, seed: int, options: list[str]) -> tuple[dict[str, str], d
         "--duration-log.statistics", *options,
     ]  # fmt: skip
     subprocess.run(command, check=True, capture_output=True)
-    root = ET.parse(statistics).getroot()  # noqa: S314 a file that SUMO has just written
+    root = ET.parse(statistics).getroot()
     found = {tag: element.attrib for element in root for tag in [element.tag]}
-    driven = {trip.get("id", ""): float(trip.get("routeLength", 0)) for trip in ET.parse(trips).iter("tripinfo")}  # noqa: S314
+    driven = {trip.get("id", ""): float(trip.get("routeLength", 0)) for trip in ET.parse(trips).iter("tripinfo")}
     mean = found["vehicleTripStatistics"]
     return {
         "vehicles": mean["count"], "mean_duration_s": mean["duration"], "mean_time_loss_s": mean["timeLoss"],

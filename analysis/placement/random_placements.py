@@ -38,7 +38,7 @@ WATCHED_M = 20.0  # around the closed ground: farther than a vehicle is long
 def main() -> None:
     args = _arguments()
     net, configuration = Net.read(args.net), _configuration(args)
-    rng = random.Random(args.seed)  # noqa: S311 places, not secrets
+    rng = random.Random(args.seed)
     edges = [edge for edge in net.edges.values() if _can_be_drawn(edge, args.min_speed)]
     new = not args.out.exists()
     original: dict[str, int] = {}
@@ -143,7 +143,7 @@ def _run(folder: Path, args: argparse.Namespace, placed: Path | None) -> tuple[d
     done = subprocess.run([str(sumo_binary("sumo")), *options], capture_output=True, text=True, check=False)
     if done.returncode:
         return {"why": " ".join(done.stderr.split())[:300], "teleports": -1, "arrived": -1}, -1
-    root = ET.parse(statistics).getroot()  # noqa: S314 a file that SUMO has just written
+    root = ET.parse(statistics).getroot()
     teleports, vehicles = root.find("teleports"), root.find("vehicles")
     assert teleports is not None
     assert vehicles is not None
@@ -160,7 +160,7 @@ def _changed_beside(placed: Placed, net: Path, folder: Path) -> int:
 
 
 def _elements(path: Path) -> Counter[tuple[str, ...]]:
-    root = ET.parse(path).getroot()  # noqa: S314
+    root = ET.parse(path).getroot()
     return Counter((e.tag, *(f"{k}={v}" for k, v in sorted(e.attrib.items()))) for e in root.iter() if e is not root)
 
 

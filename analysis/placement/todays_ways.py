@@ -62,7 +62,7 @@ def main() -> None:
 def _routes(flow: int, folder: Path) -> Path:
     """The heavy demand of the example, thinned to a flow [veh/h]."""
     text = (HERE / "heavy.rou.xml").read_text(encoding="utf-8")
-    tree = ET.fromstring(text)  # noqa: S314 a file of ours
+    tree = ET.fromstring(text)
     for item in tree.iter("flow"):
         item.set("probability", f"{float(item.get('probability', 0)) * flow / 5400:.4f}")
     path = folder / f"demand_{flow}.rou.xml"
@@ -115,7 +115,7 @@ def _run(placed: Path, words: list[str], seed: int) -> dict[str, float]:
     seen: dict[str, float] = {}
     past: list[float] = []
     everyone: set[str] = set()
-    for _, step in ET.iterparse(fcd):  # noqa: S314 a file that SUMO has just written
+    for _, step in ET.iterparse(fcd):
         if step.tag != "timestep":
             continue
         time = float(step.get("time", 0))

@@ -115,7 +115,7 @@ def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tu
     """
     folder = files.config.parent
     names = write_loops(files, stations_of_loops(files, layout), folder / "loops.add.xml")
-    vehicles = ET.parse(folder / "zone.rou.xml").iter("vehicle")  # noqa: S314 our own file
+    vehicles = ET.parse(folder / "zone.rou.xml").iter("vehicle")
     trucks = {vehicle.get("id") for vehicle in vehicles if "truck" in vehicle.get("type", "")}
     options = ("--additional-files", str(folder / "loops.add.xml"), "--statistic-output", str(folder / "statistics.xml"))
     traci.start([str(sumo_binary("sumo")), "-c", str(files.config), *options, "--no-warnings"])
@@ -164,7 +164,7 @@ def write_loops(files: SumoFiles, stations: dict[str, float], path: Path) -> dic
 
 def read_statistics(path: Path) -> dict[str, int]:
     """Vehicles, teleports and emergency manoeuvres that SUMO counted."""
-    root = ET.parse(path).getroot()  # noqa: S314 SUMO's own file
+    root = ET.parse(path).getroot()
     wanted = {
         "inserted": ("vehicles", "inserted"), "waiting": ("vehicles", "waiting"), "teleports": ("teleports", "total"),
         "emergency_stops": ("safety", "emergencyStops"), "emergency_braking": ("safety", "emergencyBraking"),

@@ -152,7 +152,8 @@ def test_profiles_begin_at_speed_and_acceleration_and_end_at_their_targets() -> 
 def test_no_one_ahead_is_touched_who_leaves_a_driver_room_to_stop(
     gap: float, own: float, other: float, rate: float, begins: float
 ) -> None:
-    # Room: a second of reaction and braking with 6 m/s2 from the ego's speed to that of the one ahead, who brakes with `rate`.
+    # Room: a second of reaction and braking with 6 m/s2 from the ego's speed to that of the vehicle ahead, which brakes
+    # with `rate`.
     if (
         gap < own + max(own**2 / 12 - other**2 / (2 * max(rate, 0.1)), 0.0) + 3
         or gap < own * 1.0 + max(own - other, 0) ** 2 / 12

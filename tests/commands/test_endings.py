@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,13 +22,13 @@ from wzsumo.simulation.connection import sumo_binary
 PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
 
 
-def started(*words: object, folder: Path, **options: object) -> "subprocess.Popen[bytes]":
+def started(*words: object, folder: Path, **options: Any) -> "subprocess.Popen[bytes]":
     """A command in a process of its own, whose temporary files lie in a folder."""
     (folder / "tmp").mkdir(exist_ok=True)
     environment = os.environ | {"TMPDIR": str(folder / "tmp")}
     command = [sys.executable, "-m", "wzsumo", *map(str, words)]
-    settings = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "env": environment} | options
-    return subprocess.Popen(command, **settings)  # type: ignore[call-overload]
+    settings: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "env": environment} | options
+    return subprocess.Popen(command, **settings)
 
 
 def is_simulating(process: "subprocess.Popen[bytes]") -> bool:

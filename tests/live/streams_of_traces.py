@@ -1,6 +1,7 @@
 """Readings of made-up traces on a straight road of two lanes, whose left one is closed from 600 m to 1000 m."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -64,12 +65,12 @@ def merges_at(number: int, *, by_m: float = CLOSED_M[0], seed: int = 1) -> Calla
 
 
 def keeps_lane(number: int) -> Callable[[FloatArray], FloatArray]:
-    """The lane of a driver who never changes: the left one, or the right one."""
+    """A lane that is kept all along: the left one, or the right one."""
     return lambda station: np.full_like(station, float(number % 2 == 0))
 
 
-def reading(ground: Ground, number: int, *, lane: Callable[[FloatArray], FloatArray], **how: float) -> Reading:
+def reading(ground: Ground, number: int, *, lane: Callable[[FloatArray], FloatArray], **how: Any) -> Reading:
     """What the ground makes of trace `number`."""
-    found = read_trace(ground, *fixes(number, lane=lane, **how))  # type: ignore[arg-type]
+    found = read_trace(ground, *fixes(number, lane=lane, **how))
     assert found is not None
     return found

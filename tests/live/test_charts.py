@@ -56,7 +56,7 @@ def test_an_edge_of_a_trace_is_estimated_within_its_own_deviation() -> None:
     z = []
     for number in range(60):
         own = merges_at(number)
-        trace = reading(ground, number, lane=lambda s, own=own: own(s) + (s > 1150) / 3.6)  # type: ignore[misc]
+        trace = reading(ground, number, lane=lambda s, own=own: own(s) + (s > 1150) / 3.6)  # type: ignore[misc]  # of a lambda with defaults
         ways = draw_ways(ground, trace, walk=0.002, levels=first_levels(), seed=number)
         steps = steps_of(ground, trace, ways, usual_walk=0.002, usual_scatter=1.0)
         z.append((steps.estimate[0, 45] - 1.0) / np.sqrt(steps.variance[0, 45]))

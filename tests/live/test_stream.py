@@ -25,7 +25,7 @@ def table(numbers: range, *, moved_from: int = 10**6) -> pd.DataFrame:
     for number in numbers:
         own = merges_at(number)
         by = 1.0 / 3.6 if number >= moved_from else 0.0
-        s, d, t = fixes(number, lane=lambda s, own=own, by=by: own(s) + by * ((s > 700) & (s < 1200)))  # type: ignore[misc]
+        s, d, t = fixes(number, lane=lambda s, own=own, by=by: own(s) + by * ((s > 700) & (s < 1200)))  # type: ignore[misc]  # of a lambda with defaults
         parts.append(pd.DataFrame({"vehicle_id": f"v{number:04d}", "time_s": t, "x_m": s, "y_m": d}))
     return pd.concat(parts, ignore_index=True)
 

@@ -142,7 +142,7 @@ def test_stop_on_a_lane_that_the_zone_closes_is_refused() -> None:
 
 @given(st.floats(0, 1600))
 def test_position_of_a_detector_stays_the_same_point_to_a_centimetre(position: float) -> None:
-    element = ET.fromstring(rewritten(f'<e1Detector id="d" lane="m3_0" pos="{position:.3f}"/>'))  # noqa: S314
+    element = ET.fromstring(rewritten(f'<e1Detector id="d" lane="m3_0" pos="{position:.3f}"/>'))
     piece, _ = element.get("lane", "").split("_")
     assert {"m3.wz0": 0, "m3.wz1": 300, "m3.wz2": 900}[piece] + float(element.get("pos", "")) == pytest.approx(
         position, abs=0.001

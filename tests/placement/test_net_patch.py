@@ -25,7 +25,7 @@ def patched(placed: Placed, *, closed: bool) -> bytes:
 
 def rows(text: bytes) -> Counter[Row]:
     """Every element below the root with its attributes and number of children."""
-    root = ET.fromstring(text)  # noqa: S314
+    root = ET.fromstring(text)
     return Counter((e.tag, tuple(sorted(e.attrib.items())), len(e)) for e in root.iter() if e is not root)
 
 
@@ -92,7 +92,7 @@ def test_a_position_lies_at_the_same_point_of_its_piece(placed: Placed, position
 
 
 def test_closed_lane_ends_in_the_taper_and_opens_again_behind_the_downstream_taper(placed: Placed) -> None:
-    root = ET.fromstring(patched(placed, closed=True))  # noqa: S314
+    root = ET.fromstring(patched(placed, closed=True))
     (cut,) = placed.plan.cuts
     lanes = {lane.get("id"): lane for lane in root.iter("lane")}
     bars = [lanes[f"{piece}_2"].get("allow") for piece in cut.ids]
@@ -119,13 +119,13 @@ def test_closing_lane_bends_along_the_taper_and_meets_the_lane_that_it_left(plac
 
 
 def test_zone_past_a_ramp_bars_the_lane_on_every_edge_and_within_its_junctions(over_ramp: Placed) -> None:
-    root = ET.fromstring(patched(over_ramp, closed=True))  # noqa: S314
+    root = ET.fromstring(patched(over_ramp, closed=True))
     barred = {lane.get("id") for lane in root.iter("lane") if lane.get("allow") == "custom1"}
     assert barred == {"m1.wz2_2", ":b_1_2", "m2-AddedOnRampEdge_3", ":m2-AddedOnRampNode_0_2", "m2.wz0_2"}
 
 
 def elements_that_name(text: bytes, id_: str) -> Iterator[ET.Element]:
-    for element in ET.fromstring(text).iter():  # noqa: S314
+    for element in ET.fromstring(text).iter():
         words = " ".join(element.attrib.values()).replace("_", " ").split()
         if id_ in words and not (element.tag == "param" and element.get("key") == "origId"):
             yield element

@@ -91,7 +91,7 @@ def trips(name: str) -> pd.DataFrame:
     out, _ = placed_freeway()
     warnings = simulate(out / name, "--seed", "7")
     assert "teleport" not in warnings.lower()
-    rows = [trip.attrib for trip in ET.parse(out / name / "trips.xml").iter("tripinfo")]  # noqa: S314
+    rows = [trip.attrib for trip in ET.parse(out / name / "trips.xml").iter("tripinfo")]
     return pd.DataFrame(rows).set_index("id")
 
 
@@ -125,7 +125,7 @@ def test_detectors_count_the_same_vehicles_where_nothing_is_closed_and_none_in_t
     counts = {}
     for name in ("original", "open", "closed"):
         trips(name)
-        rows = ET.parse(placed_freeway()[0] / name / "det.xml").iter("interval")  # noqa: S314
+        rows = ET.parse(placed_freeway()[0] / name / "det.xml").iter("interval")
         seen = [(row.get("id"), float(row.get("nVehContrib") or row.get("nVehSeen") or 0)) for row in rows]
         counts[name] = pd.DataFrame(seen, columns=["id", "n"]).groupby("id")["n"].sum().to_dict()
     assert counts["open"]["within"] == pytest.approx(counts["original"]["within"], rel=0.15)
@@ -180,7 +180,7 @@ def test_zones_of_other_kinds_keep_everybody_off_the_closed_ground(zone: str, tm
 
 def test_zone_is_drawn_in_the_network_that_is_closed() -> None:
     out, figures = placed_freeway()
-    root = ET.parse(out / "closed" / "wzsumo.zone.add.xml").getroot()  # noqa: S314
+    root = ET.parse(out / "closed" / "wzsumo.zone.add.xml").getroot()
     devices = [poly for poly in root.iter("poly") if poly.get("id", "").startswith("device_")]
     assert len(devices) == figures["n_devices"] == 26
     assert {poi.get("type") for poi in root.iter("poi")} >= {"W4-2L", "W20-5L", "W20-1", "G20-2"}
@@ -251,7 +251,7 @@ def test_zone_with_a_time_is_open_with_rerouters_that_bar_its_lanes(tmp_path: Pa
     assert code == 0
     nets = [(tmp_path / "out" / name / "small.net.xml").read_bytes() for name in ("open", "closed")]
     assert nets[0] == nets[1]
-    closure = ET.parse(tmp_path / "out" / "closed" / "wzsumo.closure.add.xml").getroot()  # noqa: S314
+    closure = ET.parse(tmp_path / "out" / "closed" / "wzsumo.closure.add.xml").getroot()
     intervals = {(item.get("begin"), item.get("end")) for item in closure.iter("interval")}
     assert min(float(begin or 0) for begin, _ in intervals) == 60
     assert {end for _, end in intervals} == {"960.0"}

@@ -47,7 +47,7 @@ def test_all_vehicles_come_through_where_each_class_has_a_lane_left(closed: list
     options = ("--tripinfo-output", str(trips), "--end", "400", "--no-step-log", "--xml-validation", "never")
     config = tmp_path / "out" / "closed" / "run.sumocfg"
     subprocess.run([str(sumo_binary("sumo")), "-c", str(config), *options], check=True, capture_output=True)
-    assert len(ET.parse(trips).getroot()) == 50 + 12 + 3  # noqa: S314
+    assert len(ET.parse(trips).getroot()) == 50 + 12 + 3
 
 
 def test_cars_that_have_the_reserved_lane_alone_left_are_refused_with_their_number(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path: Path,
     scenario = load_scenario(path)
     layout = scenario.layout()
     write_sumo_files(layout, tmp_path, spec=scenario.zone_simulation(), seed=scenario.seed)
-    net = ET.parse(tmp_path / "zone.net.xml").getroot()  # noqa: S314 our own file
+    net = ET.parse(tmp_path / "zone.net.xml").getroot()
     ids = {edge.get("id") for edge in net.findall("edge") if edge.get("function") != "internal"}
     assert ids == {edge.id for edge in (*edges_of(layout), *opposing_edges_of(layout))}
     for edge in edges_of(layout):
@@ -66,7 +66,7 @@ def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path: Path,
             points = np.array([list(map(float, point.split(",")[:2])) for point in lane.attrib["shape"].split()])
             strip = shapely.LineString(points).buffer(float(lane.attrib["width"]) / 2, cap_style="flat")
             assert strip.intersection(layout.closed_area).area < 0.02 * strip.area, lane.get("id")
-    drawn = ET.parse(tmp_path / "zone.add.xml").getroot()  # noqa: S314 our own file
+    drawn = ET.parse(tmp_path / "zone.add.xml").getroot()
     for name in ("drivable", "closed_area"):
         shapes = [poly.attrib["shape"].split() for poly in drawn.findall(f"poly[@type='{name}']")]
         ground = shapely.union_all(
@@ -109,7 +109,7 @@ def test_zone_along_a_surveyed_line_covers_the_ground_of_the_straight_one_within
     for name in ("drivable", "closed_area", "pavement"):
         assert getattr(surveyed, name).area == pytest.approx(getattr(straight, name).area, rel=0.005), name
     assert surveyed.devices[["s_m", "d_m"]].to_numpy() == pytest.approx(straight.devices[["s_m", "d_m"]].to_numpy())
-    length = sum(float(lane.attrib["length"]) for lane in ET.parse(write_network(surveyed, tmp_path)).iter("lane")  # noqa: S314 ours
+    length = sum(float(lane.attrib["length"]) for lane in ET.parse(write_network(surveyed, tmp_path)).iter("lane")
                  if lane.get("index") == "0" and not lane.attrib["id"].startswith(":"))  # fmt: skip
     assert length == pytest.approx(straight.road.length, rel=1e-3)
 

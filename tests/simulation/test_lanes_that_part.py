@@ -75,7 +75,7 @@ def test_drivers_keep_to_a_lane_where_lanes_part_and_nowhere_else(tmp_path: Path
 def test_closed_ground_between_two_lanes_is_a_lane_that_bars_every_vehicle_from_the_nose_to_where_it_ends(
     tmp_path: Path,
 ) -> None:
-    net = ET.parse(write_network(LAYOUT, tmp_path)).getroot()  # noqa: S314 our own file
+    net = ET.parse(write_network(LAYOUT, tmp_path)).getroot()
     for edge in edges_of(LAYOUT):
         allowed = [lane.get("allow") for lane in net.findall(f"edge[@id='{edge.id}']/lane")]
         if NOSE < edge.end <= LAYOUT.area("downstream taper").end:

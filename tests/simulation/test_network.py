@@ -26,7 +26,7 @@ def is_thin(lane: ET.Element) -> bool:
 
 def lanes_of_net(layout: WorkZoneLayout, folder: Path) -> Iterator[NetLane]:
     """(edge id, stations, offsets, width) of the middle of every through lane in the net file, in order, from the right."""
-    net = ET.parse(write_network(layout, folder))  # noqa: S314 a file that netconvert has just written
+    net = ET.parse(write_network(layout, folder))
     for edge in net.getroot().findall("edge"):
         for lane in edge.findall("lane"):
             if not is_thin(lane):
@@ -89,7 +89,7 @@ def test_lane_goes_on_from_edge_to_edge_without_a_step_and_turns_by_no_more_than
     tmp_path: Path, name: str
 ) -> None:
     layout = LAYOUTS[name]()
-    root = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 a file that netconvert has just written
+    root = ET.parse(write_network(layout, tmp_path)).getroot()
     shapes = {
         lane.attrib["id"]: np.array([p.split(",")[:2] for p in lane.attrib["shape"].split()], dtype=float)
         for lane in root.iter("lane")
@@ -139,7 +139,7 @@ def test_closed_lane_ends_inside_the_merging_taper_where_it_is_8_ft_wide(tmp_pat
 
 def test_every_lane_but_the_closing_one_leads_on(tmp_path: Path) -> None:
     layout = paper_layout()
-    net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 a file that netconvert has just written
+    net = ET.parse(write_network(layout, tmp_path)).getroot()
     leads_on = {(c.attrib["from"], int(c.attrib["fromLane"])) for c in net.findall("connection")}
     edges = [e for e in net.findall("edge") if e.get("function") != "internal"]
     lanes = {(e.attrib["id"], int(lane.attrib["index"])) for e in edges[:-1] for lane in e.findall("lane") if not is_thin(lane)}
@@ -153,7 +153,7 @@ def test_every_lane_but_the_closing_one_leads_on(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_lane_in_the_net_is_as_long_as_its_stretch_of_road(tmp_path: Path, name: str) -> None:
     layout = LAYOUTS[name]()
-    net = ET.parse(write_network(layout, tmp_path)).getroot()  # noqa: S314 a file that netconvert has just written
+    net = ET.parse(write_network(layout, tmp_path)).getroot()
     for edge in edges_of(layout):
         lengths = [float(lane.attrib["length"]) for lane in net.findall(f"edge[@id='{edge.id}']/lane")]
         assert lengths == pytest.approx([edge.end - edge.start] * len(edge.lanes), abs=0.01), edge.id
@@ -178,7 +178,7 @@ def by_turns(control: str) -> WorkZoneLayout:
 def lane_attributes(layout: WorkZoneLayout, folder: Path) -> dict[str, list[dict[str, str]]]:
     """Attributes of the lanes of each edge, from the right, as they are given to netconvert."""
     write_network(layout, folder)
-    edges = ET.parse(folder / "zone.edg.xml").getroot()  # noqa: S314 a file that we have just written
+    edges = ET.parse(folder / "zone.edg.xml").getroot()
     return {edge.attrib["id"]: [lane.attrib for lane in edge] for edge in edges}
 
 
@@ -221,15 +221,15 @@ def test_lane_that_turns_by_six_in_a_hundred_is_narrower_by_what_a_truck_cuts(tm
 def test_own_traffic_meets_the_signal_at_its_stop_line_and_the_opposing_traffic_at_the_other(tmp_path: Path) -> None:
     layout = by_turns("signal")
     write_network(layout, tmp_path)
-    nodes = ET.parse(tmp_path / "zone.nod.xml").getroot()  # noqa: S314 a file that we have just written
+    nodes = ET.parse(tmp_path / "zone.nod.xml").getroot()
     assert layout.taking_turns is not None
     lights = [float(node.attrib["x"]) for node in nodes if node.attrib["type"] == "traffic_light"]
     assert lights == pytest.approx([layout.taking_turns.start, layout.taking_turns.end], abs=1e-3)
-    links = ET.parse(tmp_path / "zone.con.xml").getroot()  # noqa: S314 a file that we have just written
+    links = ET.parse(tmp_path / "zone.con.xml").getroot()
     controlled = [link.attrib["from"] for link in links if link.get("uncontrolled") is None]
     own = next(edge.id for edge in edges_of(layout) if abs(edge.end - layout.taking_turns.start) < 1e-6)
     assert controlled == [own, "opposing_0"]
-    program = ET.parse(tmp_path / "zone.tll.xml").getroot()  # noqa: S314 a file that we have just written
+    program = ET.parse(tmp_path / "zone.tll.xml").getroot()
     phases = [(phase.attrib["state"], float(phase.attrib["duration"])) for phase in program.iter("phase")]
     # Red until a truck that starts at 1 m/s2 and drives 10 m/s has passed the shared length.
     clear_s = round(10 + (layout.taking_turns.end - layout.taking_turns.start - 50) / 10, 1)
@@ -238,7 +238,7 @@ def test_own_traffic_meets_the_signal_at_its_stop_line_and_the_opposing_traffic_
 
 def test_flaggers_hold_the_lane_open_for_10_to_60_s(tmp_path: Path) -> None:
     write_network(by_turns("flaggers"), tmp_path)
-    program = ET.parse(tmp_path / "zone.tll.xml").getroot()  # noqa: S314 a file that we have just written
+    program = ET.parse(tmp_path / "zone.tll.xml").getroot()
     greens = [phase.attrib for phase in program.iter("phase") if "G" in phase.attrib["state"]]
     assert [(green["minDur"], green["maxDur"]) for green in greens] == [("10", "60")] * 2
     (logic,) = program.iter("tlLogic")

@@ -6,6 +6,7 @@ import pytest
 from builders import by_turns_layout, interior_layout, paper_layout
 
 from wzsumo.simulation.stretches import passable_end, remnant_end, stretches_of
+from wzsumo.work_zone import WorkZoneLayout
 
 PAPER, INTERIOR, BY_TURNS = paper_layout(), interior_layout(), by_turns_layout()
 
@@ -38,7 +39,7 @@ def test_lane_that_narrows_has_its_greatest_width_too() -> None:
 
 
 @pytest.mark.parametrize("layout", [PAPER, INTERIOR, BY_TURNS], ids=["paper", "interior", "by turns"])
-def test_stretches_follow_one_another_from_the_roads_start_to_its_end(layout) -> None:  # type: ignore[no-untyped-def]
+def test_stretches_follow_one_another_from_the_roads_start_to_its_end(layout: WorkZoneLayout) -> None:
     stretches = stretches_of(layout)
     assert stretches[0].start == 0
     assert stretches[-1].end == layout.road.length

@@ -38,9 +38,9 @@ def ways_of_others(
 ) -> WaysOfOthers:
     """The ways of the vehicles near the ego that it is in, or comes into.
 
-    Drivers keep their speed, those who brake brake on for BRAKING_LASTS_S. They keep their place in their lane, wherever it
-    leads; in a lane that ends, a slower driver ahead who drifts to one side drifts on for DRIFT_S. One behind who comes over to
-    the ego's lane minds the ego. A vehicle is in the way where less than
+    Drivers keep their speed; one who brakes goes on braking for BRAKING_LASTS_S. They keep their place in their lane, wherever
+    it leads; in a lane that ends, a slower driver ahead who drifts to one side drifts on for DRIFT_S. One behind who comes over
+    to the ego's lane minds the ego. A vehicle is in the way where less than
     `side_margin_m` is left between the two sides; one that drives beside the ego with less is in the way where it comes nearer
     by 0.1 m. A vehicle behind, in whose way the ego is already, follows it and is left out.
     """

@@ -63,7 +63,7 @@ class Conduct:
     over_comfort_s: float  # time of braking harder than comfortable
     braking_unprompted_mps2: float  # hardest braking of the ego but where another one's emergency called for it
     braking_behind_mps2: float  # hardest braking of the vehicle right behind the ego on its path
-    min_time_gap_s: float  # least post-encroachment time behind another, but for who came before the ego just now; inf: none
+    min_time_gap_s: float  # least post-encroachment time behind a vehicle that did not just come before the ego; inf: none
     min_ttc_ahead_s: float  # least time to collision with another ahead, but for the same
     max_jerk_1s_mps3: float  # change of the acceleration over 1 s
     over_jerk_s: float  # time of a jerk above the limit at the speed

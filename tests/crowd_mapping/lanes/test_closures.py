@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from crowd_mapping.lanes.fits import always_in, fit_of, seen
@@ -62,8 +64,8 @@ def test_queue_in_which_all_creep_has_no_slow_vehicle() -> None:
     assert not slow_stretches(seen(np.zeros((5, 10)), slowness=0.5)).any()
 
 
-def prior_of(**announced: object) -> ClosurePrior:
-    zone = AnnouncedZone(start_m=300.0, end_m=700.0, **announced) if announced else None  # type: ignore[arg-type]
+def prior_of(**announced: Any) -> ClosurePrior:
+    zone = AnnouncedZone(start_m=300.0, end_m=700.0, **announced) if announced else None
     return ClosurePrior(announced=zone, taper_m=200.0, shoulders=(1.0, 1.0))
 
 

@@ -1,5 +1,7 @@
 """The lane map of a road with known lanes: its places, and that it does not depend on frames, order or names."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -85,8 +87,8 @@ def test_clock_of_the_traces_does_not_matter() -> None:
         ({"length_m": 3000.0, "interval_s": 2.0}, "3 km of road"),
     ],
 )
-def test_any_sampling_and_length_shows_the_two_lanes(how: dict[str, float], said: str) -> None:
-    made = map_lanes(crowd(**how))  # type: ignore[arg-type]
+def test_any_sampling_and_length_shows_the_two_lanes(how: dict[str, Any], said: str) -> None:
+    made = map_lanes(crowd(**how))
     assert made.figures["open_lanes"] == 2, said
     for lane, line in enumerate(middles(made)):
         assert line[:, 1] == pytest.approx(LANE * lane, abs=0.5)

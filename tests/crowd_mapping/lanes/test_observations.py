@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,7 +23,7 @@ def observed(
     return observe(pd.concat(parts, ignore_index=True), axis_of(np.array([[-10.0, 0.0], [length_m + 10.0, 0.0]])))
 
 
-SAMPLINGS = {
+SAMPLINGS: dict[str, dict[str, Any]] = {
     "1 Hz": {},
     "10 Hz creeping": {"interval_s": 0.1, "speed_mps": 1.5, "length_m": 300.0},
     "100 Hz": {"interval_s": 0.01, "length_m": 300.0},
@@ -33,7 +35,7 @@ SAMPLINGS = {
 @pytest.mark.parametrize("how", SAMPLINGS)
 def test_offsets_are_those_of_the_traces_at_every_station_however_they_are_sampled(how: str) -> None:
     given = SAMPLINGS[how]
-    observations = observed(**given)  # type: ignore[arg-type]
+    observations = observed(**given)
     inner = slice(2, -2)
     assert (observations.eta[:, inner] > 0).all()
     assert (observations.eta <= 1).all()

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,8 +33,8 @@ def lane_map(
     )  # fmt: skip
 
 
-def p_at(d: list[float], **made: object) -> np.ndarray:
-    return p_occupied(lane_map(**made), np.full(len(d), 90.0), np.array(d))  # type: ignore[arg-type]
+def p_at(d: list[float], **made: Any) -> np.ndarray:
+    return p_occupied(lane_map(**made), np.full(len(d), 90.0), np.array(d))
 
 
 def test_lanes_are_free_their_common_line_too_and_an_outer_line_is_a_half() -> None:

@@ -77,7 +77,7 @@ def test_lane_map_across_the_180th_meridian_comes_back_and_is_exported(tmp_path:
     assert lines[1].length == pytest.approx(lines[0].length, abs=0.01)
     assert np.hypot(*(lines[1].coords[0] - np.array(lines[0].coords[0]))) < 0.01  # and runs the same way
     for data in (lanelet2_osm(back, speed_limit_mps=None), opendrive_xml(back, speed_limit_mps=None, name="zone")):
-        ET.fromstring(data)  # noqa: S314 - our own
+        ET.fromstring(data)
 
 
 def test_lane_sections_tell_where_the_closed_lane_is_open() -> None:
@@ -164,7 +164,7 @@ def read_by_netconvert(path: Path) -> ET.Element:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "rror" not in done.stderr, done.stderr
-    return ET.parse(out).getroot()  # noqa: S314 - netconvert wrote it
+    return ET.parse(out).getroot()
 
 
 @pytest.mark.parametrize("zone", ONE_WAY)
@@ -209,7 +209,7 @@ def test_netconvert_puts_lanes_of_one_width_where_they_are(tmp_path: Path) -> No
 @pytest.mark.parametrize("zone", ["paper_bend_300m", "lane_shift", "interior_lane"])
 def test_opendrive_says_the_edges_of_open_lanes_within_a_centimetre(zone: str) -> None:
     content = exact(zone)
-    road = ET.fromstring(opendrive_xml(content, speed_limit_mps=None, name=zone)).find("road")  # noqa: S314 - ours
+    road = ET.fromstring(opendrive_xml(content, speed_limit_mps=None, name=zone)).find("road")
     assert road is not None
     lanes = content.lanes
     known = shapely.MultiLineString(
@@ -283,7 +283,7 @@ def test_file_that_is_no_lane_map_is_refused_with_its_path(tmp_path: Path) -> No
 
 
 def test_speed_limits_are_in_mph_for_lanelet2() -> None:
-    root = ET.fromstring(lanelet2_osm(exact("paper"), speed_limit_mps=26.8224))  # noqa: S314 - ours
+    root = ET.fromstring(lanelet2_osm(exact("paper"), speed_limit_mps=26.8224))
     limits = {tag.get("v") for tag in root.iter("tag") if tag.get("k") == "speed_limit"}
     assert limits == {"60 mph"}
     assert math.isclose(float(root.find("node").get("lat", "0")), 42.28, abs_tol=0.01)  # type: ignore[union-attr]  # there is one

@@ -59,7 +59,7 @@ def test_vehicles_use_the_lane_before_and_after_and_not_while_the_zone_stands(tm
     barred = {"e2.wz1_1", "e2.wz2_1"}
     seen = [
         float(step.get("time", 0)) - 28800
-        for step in ET.parse(fcd).getroot()  # noqa: S314
+        for step in ET.parse(fcd).getroot()
         if any(vehicle.get("lane") in barred for vehicle in step)
     ]
     assert min(seen) < 80

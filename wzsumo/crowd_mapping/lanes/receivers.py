@@ -12,7 +12,7 @@ TIMES_S = (30.0, 100.0, 300.0)  # over which the error of positions is correlate
 STRAY_SIGMA_M, STRAY_TIME_S = 8.0, 200.0  # a vehicle that keeps to no lane: anywhere on the road
 STRAY_SHARE = 0.02
 PSEUDOCOUNT = 5.0  # traces' worth of equal shares: a crowd of good receivers so far may have a poor one yet
-STATED_FACTOR = 2.0  # by which a receiver misjudges its own error: studies of phones and fleets: 1 to 3
+STATED_FACTOR = 2.0  # by which a receiver misjudges its own error. Chosen by us
 SCOUTS = 20  # traces on which a fit is tried
 SCOUT_SIGMAS_M, SCOUT_TIMES_S = (0.4, 1.0, 2.0, 4.0), (60.0,)
 

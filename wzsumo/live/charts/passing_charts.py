@@ -1,4 +1,4 @@
-"""Charts of who passes: traces that end on the road, exits that nobody takes any more, and silence."""
+"""Charts of passing: traces that end on the road, exits that nobody takes any more, and silence."""
 
 from dataclasses import dataclass
 from typing import Any

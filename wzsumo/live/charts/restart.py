@@ -52,7 +52,7 @@ def restarted_lanes(charts: LaneCharts, ground: Ground, change: Change, *, numbe
 
 
 def restarted_passing(charts: PassingCharts, ground: Ground, change: Change, *, number: int) -> PassingCharts:
-    """Charts of who passes after a change."""
+    """Charts of passing after a change."""
     ending, exiting = charts.ending.copy(), charts.exiting.copy()
     if change.kind is Kind.ROAD_CLOSED:
         ending[stretch_of(ground, change)] = (20.0, 0.0)  # traces that end there say nothing new
