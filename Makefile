@@ -1,7 +1,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup scenario baselines sweep report test fuzz mutants bench lock clean
+.PHONY: help setup scenario baselines sweep report test numbers fuzz mutants bench lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -36,6 +36,11 @@ test: setup  ## lint, types and tests; stops at the first stage that fails and n
 	run $(BIN)/ruff format --check . >&2; \
 	run $(BIN)/mypy >&2; \
 	export $(ONE_THREAD); run $(BIN)/pytest -n 2
+
+MEASURED ?=
+COMMIT ?=
+numbers: setup  ## put the figures of docs/results/ into the pages, list what is older than its code: MEASURED=paper_case.seeds [COMMIT=HASH]
+	@$(BIN)/python analysis/pages/fill_pages.py $(if $(MEASURED),--measured $(MEASURED)) $(if $(COMMIT),--commit $(COMMIT))
 
 INPUTS ?= 3000
 SEED ?= 1

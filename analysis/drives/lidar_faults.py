@@ -1,7 +1,6 @@
 """What missing, tilted, lying and sparse devices, poor detection and fog do to the strongest LiDAR map, and to the drive on it.
 
     python analysis/drives/lidar_faults.py [--seeds 61 62 63] [--rate-hz 5] [--out results/lidar_faults]
-        [--doc docs/results/lidar_baseline.md]
 
 One SUMO fleet a seed; for each fault one mapping drive, one plan on map (c), one drive along it through the traffic. Rows are
 written as they come, and what is there already is not run again; table.md and figure.png lie beside them. Half the scans of
@@ -167,9 +166,6 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[61, 62, 63])
     parser.add_argument("--rate-hz", type=float, default=5.0, help="turns of the LiDAR a second")
     parser.add_argument("--out", type=Path, default=Path("results/lidar_faults"))
-    parser.add_argument(
-        "--doc", type=Path, help="a page whose table, between <!-- faults --> and <!-- end -->, is written anew"
-    )
     given = parser.parse_args()
     slam_map.compile_kernels()
     raycast.compile_kernels()
@@ -181,10 +177,6 @@ def main() -> None:
     rows = pd.read_csv(kept)
     (given.out / "table.md").write_text(table_of(rows))
     draw(rows).savefig(given.out / "figure.png")
-    if given.doc:
-        before, rest = given.doc.read_text().split("<!-- faults -->\n")
-        given.doc.write_text(f"{before}<!-- faults -->\n{table_of(rows)}<!-- end -->{rest.partition('<!-- end -->')[2]}")
-        draw(rows).savefig(given.doc.with_name("lidar_faults.png"))
     print(table_of(rows))
 
 

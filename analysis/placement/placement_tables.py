@@ -1,11 +1,5 @@
-"""The tables of docs/results/placement.md and docs/guide/place.md from their CSV files, put into the pages between their marks.
+"""The tables of docs/results/placement.md and docs/guide/place.md from their CSV files."""
 
-    python analysis/placement/tables.py [--check]
-
-With --check nothing is written, and the exit code is 1 where a page tells other figures than its files.
-"""
-
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -88,27 +82,3 @@ def example_table() -> str:
         cells = [f"{float(rows[key][name]):.1f}" for name in ("original", "open", "closed")]
         lines.append(f"| {title} | {' | '.join(cells)} |")
     return "\n".join(lines)
-
-
-def main() -> None:
-    results, guide = DOCS / "results" / "placement.md", DOCS / "guide" / "place.md"
-    tables = (
-        (results, "places", places_table), (results, "open", open_table), (results, "ways", ways_table),
-        (results, "study", study_table),
-    )  # fmt: skip
-    differing = []
-    for page, mark, make in (*tables, (guide, "table", example_table)):
-        text = page.read_text(encoding="utf-8")
-        before, _, rest = text.partition(f"<!-- {mark} -->\n")
-        _, end, after = rest.partition("<!-- end -->")
-        filled = f"{before}<!-- {mark} -->\n{make()}\n{end}{after}"
-        if filled != text:
-            differing.append(f"{page.name}: {mark}")
-            if "--check" not in sys.argv:
-                page.write_text(filled, encoding="utf-8")
-    if differing and "--check" in sys.argv:
-        sys.exit(f"other figures than in the files: {', '.join(differing)}")
-
-
-if __name__ == "__main__":
-    main()

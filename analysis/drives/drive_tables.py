@@ -1,0 +1,123 @@
+"""The tables of drives on the pages: the paper's case, and every zone of the library."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.stats import bootstrap
+
+RESULTS = Path(__file__).parents[2] / "docs" / "results"
+# Column of library_drives.csv of a column of the table, which drive of several is shown, and its format.
+SHOWN: dict[str, tuple[str, str, str]] = {
+    "clearance m": ("driven_min_clearance_devices_m", "min", ".2f"),
+    "median": ("driven_min_clearance_devices_m", "median", ".2f"),
+    "below 0.5 m": ("driven_min_clearance_devices_m", "below_half_metre", "d"),
+    "TTC s": ("driven_min_ttc_s", "min", ".2f"),
+    "DRAC m/s²": ("driven_max_drac_mps2", "max", ".2f"),
+    "lateral m/s²": ("driven_max_lateral_acceleration_mps2", "max", ".2f"),
+    "braking m/s²": ("driven_max_braking_mps2", "max", ".2f"),
+    "jerk m/s³": ("driven_max_jerk_mps3", "max", ".2f"),
+    "above 5": ("driven_max_jerk_mps3", "above_five", "d"),
+    "off path m": ("max_cross_track_m", "max", ".2f"),
+    "delay behind s": ("driven_delay_behind_per_vehicle_s", "median", ".2f"),
+}
+CHOICES: dict[str, Callable[["pd.Series[float]"], float]] = {
+    "min": lambda values: float(values.min()),
+    "max": lambda values: float(values.max()),
+    "median": lambda values: float(values.median()),
+    "below_half_metre": lambda values: int((values < 0.5).sum()),
+    "above_five": lambda values: int((values > 5).sum()),
+}
+
+
+def paper_case() -> str:
+    """Quality and outcome of `swept` and `lanes` on the paper's zone, over seeds."""
+    rows = pd.read_csv(RESULTS / "paper_case_seeds.csv")
+    parts = [rows[rows["method"] == method] for method in ("swept", "lanes")]
+    n, first, last = rows["seed"].nunique(), rows["seed"].min(), rows["seed"].max()
+    lines = [f"| 5 traces, seeds {first}-{last} (n = {n}), mean [95 % interval] | `swept` | `lanes` |", "|---|---|---|"]
+    for title, name in (("precision", "precision"), ("recall", "recall"), ("IoU", "iou")):
+        lines.append(f"| {title} | {' | '.join(_mean_with_interval(part[name]) for part in parts)} |")
+    reached = [f"**{(part['outcome'] == 'REACHED_GOAL').sum()} of {len(part)}**" for part in parts]
+    lines.append(f"| **ego reached its goal in traffic** | {' | '.join(reached)} |")
+    hurt = ("COLLIDED", "STRUCK_DEVICE", "ENTERED_CLOSED_AREA")
+    struck = [f"{part['outcome'].isin(hurt).sum()} of {len(part)}" for part in parts]
+    lines.append(f"| overlapped a vehicle, struck a device, entered the closed area | {' | '.join(struck)} |")
+    clearances = [part["min_clearance_devices_m"] for part in parts]
+    least = [f"{clearance.min():.2f} m ({clearance.mean():.2f} m)" for clearance in clearances]
+    lines.append(f"| least clearance of the drive to a device, worst seed (mean) | {' | '.join(least)} |")
+    recalls = [f"{part['recall'].min():.2f}" for part in parts]
+    lines.append(f"| least recall | {' | '.join(recalls)} |")
+    return "\n".join(lines)
+
+
+def _mean_with_interval(values: "pd.Series[float]") -> str:
+    """Mean and 95 % bootstrap interval over seeds."""
+    drawn = bootstrap((values.to_numpy(dtype=float),), np.mean, rng=np.random.default_rng(0)).confidence_interval
+    return f"{values.mean():.3f} [{drawn.low:.3f}, {drawn.high:.3f}]"
+
+
+def paper_squares() -> str:
+    """Precision, recall, pieces and planned path of the maps of one run of the paper's zone."""
+    maps = json.loads((RESULTS / "paper_case.json").read_text(encoding="utf-8"))["methods"]
+    titles = {
+        "paper_literal": "`paper_literal`, 5 by 5 inch", "paper": "`paper`, 5 by 5 foot",
+        "swept": "`swept`", "lanes": "`lanes`",
+    }  # fmt: skip
+    lines = ["| map | precision | recall | pieces | planned path |", "|---|---|---|---|---|"]
+    for name, title in titles.items():
+        made = maps[name]
+        path = {"NO_PATH": "none", "REACHED_GOAL": "reached the goal"}.get(made["outcome"], made["outcome"])
+        lines.append(f"| {title} | {made['precision']:.3f} | {made['recall']:.3f} | {made['n_fragments']:,} | {path} |")
+    return "\n".join(lines)
+
+
+def library_by_method(first: str, last: str) -> str:
+    """Worst drives of the seeds from `first` to `last` in all zones, a row a map method and speed."""
+    rows = _library(first, last)
+    lines = [f"| | n | reached | {' | '.join(SHOWN)} |", f"|---|{'---:|' * (2 + len(SHOWN))}"]
+    for (method, speed), part in rows.groupby(["method", "speed"]):
+        title = f"`{method}`, {'10 m/s' if speed == '10' else 'posted speed'}"
+        cells = [format(CHOICES[choice](part[column]), form) for column, choice, form in SHOWN.values()]
+        reached = int((part["outcome"] == "REACHED_GOAL").sum())
+        lines.append(f"| {title} | {len(part)} | {reached} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def library_by_zone(first: str, last: str) -> str:
+    """Worst drives of the seeds from `first` to `last`, a row a zone."""
+    rows = _library(first, last)
+    kinds = [(method, speed) for method in ("lanes", "swept") for speed in ("10", "zone")]
+    told = [f"`{method}`, {'10 m/s' if speed == '10' else 'posted'}" for method, speed in kinds]
+    told[0] = f"clearance m: {told[0]}"
+    shown = ("TTC s", "braking m/s²", "jerk m/s³")
+    lines = [
+        f"| scenario | n | reached | {' | '.join(told)} | {' | '.join(shown)} | delay behind s, 10 m/s | posted |",
+        f"|---|{'---:|' * (2 + len(kinds) + len(shown) + 2)}",
+    ]
+    for name, part in rows.groupby("scenario"):
+        by_kind = [part[(part["method"] == method) & (part["speed"] == speed)] for method, speed in kinds]
+        cells = [str(len(part)), str((part["outcome"] == "REACHED_GOAL").sum())]
+        cells += [f"{drives['driven_min_clearance_devices_m'].min():.2f}" for drives in by_kind]
+        cells += [format(CHOICES[choice](part[column]), form) for column, choice, form in map(SHOWN.__getitem__, shown)]
+        delay = part.groupby("speed")["driven_delay_behind_per_vehicle_s"].median()
+        lines.append(f"| {name} | {' | '.join(cells)} | {delay['10']:.2f} | {delay['zone']:.2f} |")
+    return "\n".join(lines)
+
+
+def library_summary(first: str, last: str) -> str:
+    """How the drives of the seeds from `first` to `last` ended, in a sentence."""
+    rows = _library(first, last)
+    reached = int((rows["outcome"] == "REACHED_GOAL").sum())
+    least = rows.groupby("method")["driven_min_clearance_devices_m"].min()
+    return (
+        f"the ego\n  reached its goal in {reached} of {len(rows)} drives. On `lanes` maps it left {least['lanes']:.2f} m "
+        f"and more to every device, on `swept`\n  maps {least['swept']:.2f} m."
+    )
+
+
+def _library(first: str, last: str) -> pd.DataFrame:
+    rows = pd.read_csv(RESULTS / "library_drives.csv", dtype={"speed": str})
+    return rows[rows["seed"].between(int(first), int(last))]

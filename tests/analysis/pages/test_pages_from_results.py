@@ -1,0 +1,53 @@
+"""The pages say what the files of docs/results/ say."""
+
+import re
+from pathlib import Path
+
+import code_parts
+import markers
+import pytest
+import records
+
+ROOT = Path(__file__).parents[3]
+# What decides no figure by itself: the door, drawings, and the base, whose tests pin every number.
+UNDECIDING = {
+    "wzsumo/__init__.py", "wzsumo/__main__.py", "wzsumo/api.py", "wzsumo/cli.py", "wzsumo/commands",
+    "wzsumo/crowd_mapping/__init__.py", "wzsumo/errors.py", "wzsumo/figures", "wzsumo/frames.py",
+    "wzsumo/geography.py", "wzsumo/report", "wzsumo/rigid.py",
+    "wzsumo/spec.py", "wzsumo/tables.py", "wzsumo/units.py",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[str, records.Record]:
+    return records.read_records()
+
+
+def test_every_page_says_what_its_files_say(known: dict[str, records.Record]) -> None:
+    texts = {page: page.read_text(encoding="utf-8") for page in markers.pages()}
+    differing = [page.relative_to(ROOT) for page, text in texts.items() if markers.filled(text, known) != text]
+    assert differing == [], "run `make numbers` and commit what it changes"
+
+
+def test_every_measurement_is_quoted_and_every_data_file_belongs_to_one(known: dict[str, records.Record]) -> None:
+    text = "\n".join(page.read_text(encoding="utf-8") for page in markers.pages())
+    quoted = {name for words in re.findall(r"<!-- (?:measured|age) ([^>]+?) -->", text) for name in words.split()}
+    assert quoted == set(known)
+    data = {path.name for path in records.RESULTS.iterdir() if path.suffix in {".csv", ".json"}}
+    assert data == {name for record in known.values() for name in record.data}
+
+
+def test_ages_are_not_written_by_hand() -> None:
+    for page in markers.pages():
+        rest = markers.MARKER.sub("", page.read_text(encoding="utf-8"))
+        if page.parent.name == "results" and page.name == "README.md":
+            rest = rest.replace("> **Older than the code.**", "")
+        assert not re.search(r"older than the code|not\s+yet\s+measured on", rest, flags=re.IGNORECASE), page
+
+
+def test_every_module_of_the_package_is_of_one_part_of_the_code_or_decides_nothing() -> None:
+    named = [name for names in code_parts.PARTS.values() for name in names] + sorted(UNDECIDING)
+    for path in (ROOT / "wzsumo").rglob("*.py"):
+        module = path.relative_to(ROOT)
+        parts = [name for name in named if module == Path(name) or Path(name) in module.parents]
+        assert len(parts) == 1, module
