@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from wzsumo.files.ros_map import write_map
 from wzsumo.grid import blank_grid
 from wzsumo.path import ReferencePath
 from wzsumo.report.report import best_method
-from wzsumo.report.tables import goal_rows
+from wzsumo.report.tables import goal_rows, goals_of
 
 
 @pytest.fixture
@@ -53,12 +54,23 @@ def test_best_method_is_one_of_the_crowd_even_where_a_baseline_scores_higher() -
 
 
 def test_goal_rows_say_what_the_path_to_each_goal_does_and_dash_what_there_is_not() -> None:
-    goals = {
+    goals: dict[str, Any] = {
         "own_lane": {"planned_outcome": "STRUCK_DEVICE", "closed_area_share": 0.425, "n_devices_struck": 8},
         "open_lane": {"planned_outcome": "NO_PATH", "closed_area_share": None, "n_devices_struck": None},
     }
-    (row,) = goal_rows({"hd_map": {"precision": 0.5, "recall": None, "iou": 0.4, "goals": goals}, "old": {"precision": 1.0}})
-    assert row["own_lane_outcome"] == "struck device"
-    assert (row["own_lane_closed"], row["own_lane_struck"]) == ("42.5 %", "8")
-    assert (row["open_lane_outcome"], row["open_lane_closed"], row["open_lane_struck"]) == ("no path", "-", "-")
-    assert (row["precision"], row["recall"]) == ("50.0 %", "-")
+    methods: dict[str, dict[str, Any]] = {"hd_map": {"goals": goals}, "old": {"precision": 1.0}}
+    (row,) = goal_rows(methods)
+    assert row["name"] == "hd_map"
+    assert row["goals"] == [
+        {"outcome": "struck device", "closed": "42.5 %", "struck": "8"},
+        {"outcome": "no path", "closed": "-", "struck": "-"},
+    ]
+
+
+def test_run_with_one_goal_has_the_columns_of_that_goal_alone() -> None:
+    methods: dict[str, Any] = {
+        "swept": {"goals": {"own_lane": {"planned_outcome": "REACHED_GOAL"}}},
+        "lanes": {"goals": {"own_lane": {}}},
+    }
+    assert goals_of(methods) == ["own_lane"]
+    assert [len(row["goals"]) for row in goal_rows(methods)] == [1, 1]

@@ -28,7 +28,12 @@ def run(tmp_path: Path) -> ResultFolder:
     traffic.to_parquet(tmp_path / "drives" / "swept_traffic.parquet")
     areas = {"drivable": shapely.box(0, 0, 60, 7), "closed_area": shapely.box(0, 7, 60, 12), "pavement": shapely.Polygon()}
     features = [{"properties": {"name": name}, "geometry": mapping(area)} for name, area in areas.items()]
-    return ResultFolder(folder=tmp_path, result={"methods": {"swept": {}}}, layout={"areas": [], "features": features})
+    section = {"lane_widths_m": [3.5, 3.5], "left_shoulder_m": 4.0, "right_shoulder_m": 1.0, "opposing_lanes": 0}
+    line = {"properties": {"name": "reference_line"} | section, "geometry": mapping(shapely.LineString([(0, 3.5), (99, 3.5)]))}
+    zone = [{"name": "merging taper", "start_m": 40, "end_m": 60}]
+    return ResultFolder(
+        folder=tmp_path, result={"methods": {"swept": {}}}, layout={"areas": zone, "features": [*features, line]}
+    )
 
 
 def test_played_drive_has_a_frame_each_fifth_of_a_second_at_the_vehicle_centre(run: ResultFolder) -> None:
@@ -38,15 +43,29 @@ def test_played_drive_has_a_frame_each_fifth_of_a_second_at_the_vehicle_centre(r
     assert [row[0] for row in data["ego"]] == pytest.approx(
         [10 * 0.2 * k + CAR.axle_to_centre_m for k in range(1, 11)], abs=0.006
     )
-    assert {tuple(row[1:]) for row in data["ego"]} == {(5.0, 0.0, 10.0)}
+    assert {tuple(row[1:]) for row in data["ego"]} == {(5.0, 0.0, 10.0, 0.0)}
+    # The zone begins at 40 m, and the player 30 m ahead of it: the centre is at 1.4 m + 2 m a frame from 2 m on.
+    assert data["zone_frame"] == 3
 
 
 def test_played_drive_shows_each_other_vehicle_while_it_is_there_under_one_number(run: ResultFolder) -> None:
     others = json.loads(player_data(run, "swept") or "")["others"]
     assert len(others) == 10
     assert [len(frame) for frame in others] == [2] * 5 + [1] * 5
-    (passing,) = {frame[0][3] for frame in others}
+    passing = others[-1][0][3]
     assert [row[0] for frame in others for row in frame if row[3] == passing] == pytest.approx([4.0 * k for k in range(1, 11)])
+
+
+def test_vehicle_that_slows_down_by_more_than_0_7_mps2_shows_its_brake_lights(run: ResultFolder) -> None:
+    path = run.folder / "drives" / "swept_traffic.parquet"
+    traffic = pd.read_parquet(path)
+    since = (traffic["time_s"] - 101.0).clip(lower=0)
+    for braking, lit in ((0.6, set()), (0.8, {0.0, 1.0})):
+        traffic.assign(speed_mps=traffic["speed_mps"] - since * braking * (traffic["vehicle_id"] == "b")).to_parquet(path)
+        others = json.loads(player_data(run, "swept") or "")["others"]
+        passing = [row[6] for frame in others for row in frame if row[4:6] and row[3] == others[-1][0][3]]
+        assert passing[0] == 0.0
+        assert set(passing) == (lit or {0.0})
 
 
 def test_played_drive_has_the_areas_as_rings_without_empty_ones(run: ResultFolder) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from sweep_trials import FLEET, a_study, sweep
 
-from wzsumo.report.page import json_block, policy, script
+from wzsumo.report.page import json_block, page_template, policy, script
 from wzsumo.report.sweep_report import write_sweep_report
 from wzsumo.sweep import task_queue as engine
 from wzsumo.sweep.evaluation.study_case import StudyCase
@@ -95,16 +95,37 @@ def test_policy_of_a_study_lets_its_own_script_alone_run(folder: Path, tmp_path:
 
 @needs_browser
 def test_policy_of_a_played_drive_lets_its_own_script_alone_run(tmp_path: Path) -> None:
-    body = '<canvas id="player"></canvas><input id="at" type="range"><button id="play"></button><span id="now"></span>'
-    drive: dict[str, Any] = {"frame_s": 0.2, "size": [5, 2], "ego": [[0, 0, 0, 5], [1, 0, 0, 5]], "others": [[], []]}
-    drive |= {"devices": [], "areas": {name: [] for name in ("pavement", "drivable", "closed_area")}}
-    head = f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy("drive_player.js")}">'
-    data = f'<script type="application/json" id="drive">{json_block(drive)}</script>'
-    own = f"<script>{script('drive_player.js')}</script>"
-    page = f"<!DOCTYPE html><html><head>{head}</head><body>{body}{data}{own}</body></html>"
-    shown = opened(with_script(page, OWN, allowed=False), tmp_path)
-    assert 'max="1"' in shown  # the player has set the length of its slider
+    shown = opened(with_script(player_page(), OWN, allowed=False), tmp_path)
+    assert 'max="3"' in shown  # the player has set the length of its slider
     assert "data-owned" not in shown
+
+
+@needs_browser
+def test_player_starts_at_the_zone_and_obeys_the_keys(tmp_path: Path) -> None:
+    press = "document.getElementById('player').dispatchEvent(new KeyboardEvent('keydown', {key: '%s'}));"
+    told = "document.title += ' | ' + document.getElementById('now').textContent;"
+    keys = "".join(press % key + told for key in ("ArrowLeft", "ArrowRight", "Home", "End"))
+    title = re.findall(r"<title>(.*?)</title>", opened(with_script(player_page(), told + keys, allowed=True), tmp_path))[0]
+    # Frames of 1 s, the zone begins with frame 2; the ego is held back from 2.5 s on.
+    at_zone = "2.0 s, 7.0 m/s"
+    at_end = "3.0 s, 7.0 m/s, held back by a bend of its path"
+    assert title.split(" | ")[1:] == [at_zone, "1.0 s, 6.0 m/s", at_zone, at_zone, at_end]
+
+
+def player_page() -> str:
+    ego = [[0, 0, 0, 5, 0], [1, 0, 0, 6, 0], [2, 0, 0, 7, 1], [3, 0, 0, 8, 0]]
+    drive: dict[str, Any] = {
+        "frame_s": 1.0,
+        "zone_frame": 2,
+        "size": [5, 2],
+        "ego": ego,
+        "others": [[[9, 3, 0, 1, 5, 2, 1]], *[[]] * 3],
+    }
+    drive |= {"devices": [[5, 5, 0.2]], "areas": {name: [] for name in ("pavement", "drivable", "closed_area")}}
+    drive |= {"slowed": [[2.5, 4.0, "a bend of its path"]], "lines": [{"kind": "lane", "points": [[0, 2], [9, 2]]}]}
+    part = page_template("drive_player.html.j2").render(best="b", player=json_block(drive))
+    head = f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy("drive_player.js")}">'
+    return f"<!DOCTYPE html><html><head>{head}<title>t</title></head><body>{part}</body></html>"
 
 
 def test_script_of_a_page_is_the_packages_own_to_the_letter(folder: Path) -> None:

@@ -13,28 +13,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """A figure that a report is to have: the name of its file without the suffix, what draws it, its title and caption."""
+    """A figure that a report is to have: the name of its file without the suffix, what draws it, its title and caption.
+
+    `section` is that of the page in which it stands.
+    """
 
     stem: str
     draw: "Callable[[], Figure]"
     title: str
     caption: str
+    section: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportFigure:
-    """An image file with its title and caption."""
+    """An image file with its title and caption, and the section of the page in which it stands."""
 
     path: Path
     title: str
     caption: str
+    section: str
 
 
 def save_drawings(drawings: Iterable[Drawing], folder: Path) -> list[ReportFigure]:
-    """The figures of the drawings, drawn and saved to a folder as PNG."""
+    """The figures of the drawings, drawn and saved to a folder as PNG and SVG."""
     saved = []
     for drawing in drawings:
         path = folder / f"{drawing.stem}.png"
         save_figure(drawing.draw(), path)
-        saved.append(ReportFigure(path=path, title=drawing.title, caption=drawing.caption))
+        saved.append(ReportFigure(path=path, title=drawing.title, caption=drawing.caption, section=drawing.section))
     return saved

@@ -15,9 +15,11 @@ from wzsumo.figures.network_figure import draw_network
 from wzsumo.figures.traffic_figures import draw_space_time
 from wzsumo.files.result_folder import ResultFolder
 
+PAPERS_SCENARIO = "paper"
+
 
 def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
-    """Every figure of the run, written to `folder` as PNG, in the order of the paper."""
+    """Every figure of the run, written to `folder` as PNG and SVG, in the order of the paper."""
     folder.mkdir(parents=True, exist_ok=True)
     seed, n_traces = run.result.get("seed", "-"), run.result.get("n_traces", "-")
     sample = f"n = {n_traces} traces, seed {seed}."
@@ -38,11 +40,22 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
     return save_drawings(drawings, folder)
 
 
+def is_papers(run: ResultFolder) -> bool:
+    """Whether a run is of the zone of Chen et al. 2022: its scenarios are called "paper", or so with an addition."""
+    return str(run.result.get("scenario", "")).split("_")[0] == PAPERS_SCENARIO
+
+
+def _title(run: ResultFolder, text: str, *, paper: str) -> str:
+    """The title of a figure; of a run of the paper's zone with the figure of the paper."""
+    return f"{text} (paper: Fig. {paper})" if is_papers(run) else text
+
+
 def _zone_drawing(run: ResultFolder) -> Drawing:
     return Drawing(
         stem="fig04_zone",
+        section="making",
         draw=partial(draw_zone, run),
-        title="Work zone (paper: Fig. 4)",
+        title=_title(run, "Work zone", paper="4"),
         caption=f"Signs, plan and a stretch to scale, n = {len(run.devices)} devices. The drivable area is the truth of all "
         "later figures.",
     )
@@ -53,21 +66,24 @@ def _mixture_drawings(run: ResultFolder, *, sample: str) -> list[Drawing]:
     return [
         Drawing(
             stem="fig05_criteria",
+            section="making",
             draw=partial(draw_criteria, run),
-            title="Number of components (paper: Fig. 5)",
+            title=_title(run, "Number of components", paper="5"),
             caption=f"AIC and BIC over the number of components K of the mixture; K = {k} chosen. {sample}",
         ),
         Drawing(
             stem="fig06_components",
+            section="making",
             draw=partial(draw_components, run),
-            title="Components (paper: Fig. 6)",
+            title=_title(run, "Components", paper="6"),
             caption=f"95 % ellipses of the {k} components over the {len(run.used_traces)} fixes to which they are fitted. "
             f"{sample}",
         ),
         Drawing(
             stem="fig07_samples",
+            section="making",
             draw=partial(draw_samples, run),
-            title="Samples (paper: Fig. 7)",
+            title=_title(run, "Samples", paper="7"),
             caption=f"n = {len(run.samples)} points drawn from the mixture inside its 95 % region. {sample}",
         ),
     ]
@@ -78,15 +94,17 @@ def _map_drawings(run: ResultFolder, crowd: list[str], *, sample: str) -> list[D
         return []
     maps = Drawing(
         stem="fig08_maps",
+        section="maps",
         draw=partial(draw_maps, run, crowd),
-        title="Maps (paper: Fig. 8)",
+        title=_title(run, "Maps", paper="8"),
         caption=f"The map of each method. {sample}",
     )
     truths = [
         Drawing(
-            stem=f"fig09_truth_{_file_name(name)}",
+            stem=f"fig09_truth_{file_name(name)}",
+            section="maps",
             draw=partial(draw_truth, run, name),
-            title=f"Map and truth, {name} (paper: Fig. 9)",
+            title=_title(run, f"Map and truth, {name}", paper="9"),
             caption="Cells within the zone, in three pieces, and the planned path of the rear axle. "
             f"{sample} The truth is the drivable area of the layout, from the device line to the edge line, within the zone.",
         )
@@ -97,11 +115,13 @@ def _map_drawings(run: ResultFolder, crowd: list[str], *, sample: str) -> list[D
 
 def _drive_drawing(run: ResultFolder, method: str, *, sample: str) -> Drawing:
     return Drawing(
-        stem=f"fig11_drive_{_file_name(method)}",
+        stem=f"fig11_drive_{file_name(method)}",
+        section="drive",
         draw=partial(draw_drive, run, method),
-        title=f"Drive, {method} (paper: Fig. 11)",
+        title=_title(run, f"Drive, {method}", paper="11"),
         caption="The area that the ego's outline sweeps between devices and pavement edge, in three pieces; then the ego's "
-        f"speed and steering. n = 1 drive. {sample} Devices and edges are those of the layout, poses those of the simulation.",
+        "speed, with what held it back, and its steering over the whole drive; dotted: the ends of the zone. "
+        f"n = 1 drive. {sample} Devices and edges are those of the layout, poses those of the simulation.",
     )
 
 
@@ -113,6 +133,7 @@ def _traffic_drawings(run: ResultFolder) -> list[Drawing]:
     return [
         Drawing(
             stem="traffic_space_time",
+            section="traffic",
             draw=partial(draw_space_time, run, cells),
             title="Speeds over time and road",
             caption="Space-mean speed of all vehicles in cells of 10 s and 20 m; cells without a vehicle are white. "
@@ -128,6 +149,7 @@ def _network_drawings(run: ResultFolder) -> list[Drawing]:
     return [
         Drawing(
             stem="network_delay",
+            section="network",
             draw=partial(draw_network, run),
             title="Network: what the zone changes",
             caption="Time that all vehicles together lose on each edge, with the zone less without it, pieces of a cut edge "
@@ -141,8 +163,9 @@ def _baseline_drawings(run: ResultFolder, baselines: list[str], *, crowd: list[s
     drawings = [
         Drawing(
             stem="fig10_baselines",
+            section="maps",
             draw=partial(draw_baseline_paths, run, baselines),
-            title="LiDAR SLAM and HD maps (paper: Fig. 8 and 10)",
+            title=_title(run, "LiDAR SLAM and HD maps", paper="8 and 10"),
             caption="Maps of one LiDAR mapping drive and of the HD map from before the zone, and the paths planned on them. "
             f"“Neither”: p(occupied) from 0.196 to 0.65. {sample}",
         )
@@ -153,8 +176,9 @@ def _baseline_drawings(run: ResultFolder, baselines: list[str], *, crowd: list[s
         drawings.append(
             Drawing(
                 stem="fig09_crowd_and_slam",
+                section="maps",
                 draw=partial(draw_crowd_and_slam, run, best, scanned),
-                title=f"The crowd's map and the SLAM map, {best} (paper: Fig. 9)",
+                title=_title(run, f"The crowd's map and the SLAM map, {best}", paper="9"),
                 caption="The free cells of the crowd's map, and every cell that the LiDAR hit, passing vehicles included. The "
                 f"truth is the drivable area of the layout. {sample}",
             )
@@ -162,5 +186,6 @@ def _baseline_drawings(run: ResultFolder, baselines: list[str], *, crowd: list[s
     return drawings
 
 
-def _file_name(method: str) -> str:
+def file_name(method: str) -> str:
+    """A method's name as part of the name of a file."""
     return re.sub(r"[^A-Za-z0-9-]", "_", method)

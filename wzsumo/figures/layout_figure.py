@@ -57,7 +57,8 @@ def _draw_signs(axes: Axes, run: ResultFolder) -> None:
         axes.scatter(group["s_m"], [side * 0.28] * len(group), marker="D", s=26, color=VERMILION, zorder=3)
         for number, (s, text) in enumerate(zip(group["s_m"], group["text"], strict=True)):
             axes.annotate(
-                f"{plain(text)}\n{s:.0f} m", (s, side * (0.5 + 0.42 * (number % 2))), ha="center", fontsize=7,
+                f"{plain(text)}\n{_distance(s, (start, end))}",
+                (s, side * (0.5 + 0.42 * (number % 2))), ha="center", fontsize=7,
                 va="bottom" if opposing else "top", annotation_clip=False,
             )  # fmt: skip
     lowest, highest = min(start, signs["s_m"].min()), max(end, signs["s_m"].max())
@@ -68,6 +69,16 @@ def _draw_signs(axes: Axes, run: ResultFolder) -> None:
         spine.set_visible(False)
 
 
+def _distance(station: float, span: tuple[float, float]) -> str:
+    """How far a sign is before the zone, or after it."""
+    start, end = span
+    if station > end:
+        return f"{station - end:.0f} m = {feet_from_metres(station - end):.0f} ft after"
+    if station < start:
+        return f"{start - station:.0f} m = {feet_from_metres(start - station):.0f} ft before"
+    return f"{station - start:.0f} m = {feet_from_metres(station - start):.0f} ft into the zone"
+
+
 def _faces_opposing_traffic(run: ResultFolder) -> BoolArray:
     """Whether signs (n,) are for the traffic that drives against the stations."""
     return np.asarray(np.cos(run.signs["heading_rad"] - run.road.heading_at(run.signs["s_m"])) < 0)
@@ -76,6 +87,7 @@ def _faces_opposing_traffic(run: ResultFolder) -> BoolArray:
 def _draw_plan(axes: Axes, run: ResultFolder) -> None:
     """The zone in road coordinates, with names and lengths of its areas."""
     show_zone(axes, run)
+    name_work_space(axes, run)
     drivable = area_in_road_coordinates(run.polygons["drivable"], run.road)
     add_area(axes, drivable, label="drivable area", facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
     for number, (name, start, end) in enumerate(run.areas):
@@ -83,10 +95,26 @@ def _draw_plan(axes: Axes, run: ResultFolder) -> None:
             axes.axvline(station, color="#777777", linewidth=0.6, linestyle=":")
         at_edge = {0: (start, "left"), len(run.areas) - 1: (end, "right")}
         station, side = at_edge.get(number, ((start + end) / 2, "center"))
+        level = 1.03 + 0.11 * (number % LABEL_LEVELS)
+        axes.plot(
+            [start, end], [level - 0.015] * 2, transform=axes.get_xaxis_transform(), clip_on=False, color="#777777",
+            linewidth=0.8, marker="|", markersize=5,
+        )  # fmt: skip
         axes.annotate(
             f"{plain(name)}, {end - start:.0f} m = {feet_from_metres(end - start):.0f} ft",
-            (station, 1.03 + 0.11 * (number % LABEL_LEVELS)), xycoords=("data", "axes fraction"), ha=side, fontsize=8,
+            (station, level), xycoords=("data", "axes fraction"), ha=side, fontsize=8,
         )  # fmt: skip
+
+
+def name_work_space(axes: Axes, run: ResultFolder) -> None:
+    """Write "work space" on the closed ground beside the activity area."""
+    closed = area_in_road_coordinates(run.polygons["closed_area"], run.road)
+    for name, start, end in run.areas:
+        if name == "activity area":
+            part = closed.intersection(shapely.box(start, -100, end, 100))
+            if not part.is_empty:
+                place = part.centroid
+                axes.annotate("work space", (place.x, place.y), ha="center", va="center", fontsize=9, annotation_clip=True)
 
 
 def _draw_to_scale(axes: Axes, run: ResultFolder) -> None:

@@ -1,6 +1,10 @@
 """The figures of the maps: counterparts of Figures 8, 9 and 10 of Chen et al. 2022."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.artist import Artist
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -18,6 +22,7 @@ from wzsumo.figures.zone_axes import (
     YELLOW,
     add_area,
     new_figure,
+    place_legend,
     plain,
     show_cells,
     show_zone,
@@ -37,23 +42,24 @@ def draw_maps(run: ResultFolder, methods: list[str]) -> Figure:
             show_cells(axes, run, grid.p_occupied, grid, cmap="Greys", vmin=0, vmax=1)
         add_area(axes, drivable, label="drivable area", fill=False, edgecolor=SKY_BLUE, zorder=4)
         axes.set_title(plain(name), fontsize=9, loc="left")
-    patches = [
-        Patch(facecolor=c, edgecolor=BLACK, label=t) for c, t in (("white", "free"), (GREY, "unknown"), (BLACK, "occupied"))
-    ]
-    handles, _ = rows[0].get_legend_handles_labels()
-    figure.legend(handles=[*patches, *handles[-2:]], loc="upper right", ncols=5, frameon=False, fontsize=8)
+    shades = colormaps["Greys"]
+    states = ((0.0, "free"), (0.5, "not known"), (1.0, "occupied"))
+    patches = [Patch(facecolor=shades(p), edgecolor=BLACK, label=f"{text}, p = {p:g}") for p, text in states]
+    handles, labels = rows[0].get_legend_handles_labels()
+    shown = [handle for handle, label in zip(handles, labels, strict=True) if label not in {"open pavement", "closed area"}]
+    _legend(figure, [*patches, *shown])
     return figure
 
 
 def draw_truth(run: ResultFolder, method: str) -> Figure:
-    """Cells that are rightly free, wrongly free and wrongly occupied, with the planned path (paper: Figure 9)."""
+    """Cells that are free and drivable, free though closed, drivable but missed; the planned path (paper: Figure 9)."""
     figure, rows = new_figure(3, row_height=1.6)
     grid, path = run.map_of(method), run.path_of(method)
     if grid is None:
         return figure
     zone, truth = run.truth_on(grid)
     classes = np.select([truth & grid.free, zone & grid.free, truth], [1, 2, 3], default=0)
-    colours = {"true positive": SKY_BLUE, "false positive": VERMILION, "false negative": YELLOW}
+    colours = {"free and right": SKY_BLUE, "free but closed": VERMILION, "missed": YELLOW}
     for axes, interval in zip(rows, thirds(run), strict=True):
         show_zone(axes, run, interval=interval)
         show_cells(axes, run, classes, grid, cmap=ListedColormap(["none", *colours.values()]), vmin=-0.5, vmax=3.5)
@@ -67,7 +73,7 @@ def draw_truth(run: ResultFolder, method: str) -> Figure:
             )
     handles, _ = rows[0].get_legend_handles_labels()
     patches = [Patch(color=colour, label=label) for label, colour in colours.items()]
-    figure.legend(handles=[*patches, *handles], loc="upper right", ncols=7, frameon=False, fontsize=8, borderaxespad=0.3)
+    _legend(figure, [*patches, *handles])
     return figure
 
 
@@ -93,7 +99,7 @@ def draw_baseline_paths(run: ResultFolder, methods: list[str]) -> Figure:
     states = (("white", "free"), (GREY, "neither"), (BLACK, "occupied"))
     patches = [Patch(facecolor=colour, edgecolor=BLACK, label=label) for colour, label in states]
     shown = [labelled[label] for label in labelled if label not in {"open pavement", "closed area"}]
-    figure.legend(handles=[*patches, *shown], loc="upper right", ncols=8, frameon=False, fontsize=8, borderaxespad=0.2)
+    _legend(figure, [*patches, *shown])
     return figure
 
 
@@ -118,5 +124,9 @@ def draw_crowd_and_slam(run: ResultFolder, crowd: str, slam: str) -> Figure:
         Patch(color="#F4B6A0", label=f"free by the crowd ({plain(crowd)})"),
         Patch(color=BLUE, label=f"occupied by {plain(slam)}"),
     ]
-    figure.legend(handles=[*patches, *handles[1:]], loc="upper right", ncols=7, frameon=False, fontsize=8, borderaxespad=0.2)
+    _legend(figure, [*patches, *handles[1:]])
     return figure
+
+
+def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
+    place_legend(figure, handles, [str(handle.get_label()) for handle in handles])

@@ -32,7 +32,7 @@ def draw_components(run: ResultFolder) -> Figure:
     show_zone(axes, run)
     traces = run.used_traces
     stations, offsets = run.road.to_sd(traces[["x_m", "y_m"]])
-    axes.scatter(stations, offsets, s=2, color=BLUE, alpha=0.5, linewidths=0, label="fix (vehicle centre)")
+    axes.scatter(stations, offsets, s=2, color=BLUE, alpha=0.5, linewidths=0, label="fix (vehicle centre)", rasterized=True)
     _, means, covariances = run.mixture
     turn = np.linspace(0, 2 * np.pi, 181)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
@@ -50,6 +50,6 @@ def draw_samples(run: ResultFolder) -> Figure:
     figure, (axes,) = new_figure(1, row_height=2.6)
     show_zone(axes, run)
     stations, offsets = run.road.to_sd(run.samples[["x_m", "y_m"]])
-    axes.scatter(stations, offsets, s=2, color=BLUE, alpha=0.5, linewidths=0, label="sample")
+    axes.scatter(stations, offsets, s=2, color=BLUE, alpha=0.5, linewidths=0, label="sample", rasterized=True)
     legend_above(figure, axes)
     return figure

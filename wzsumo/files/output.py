@@ -63,10 +63,17 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
-    """Write a drawing as PNG. Pillow's own writing to a file does not say why it fails."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    path.write_bytes(buffer.getvalue())
+    """Write a drawing as PNG, and beside it as SVG. Pillow's own writing to a file does not say why it fails.
+
+    Text of the SVG stays text, so that it can be searched and set in another font. Both files are the same each time.
+    """
+    from matplotlib import rc_context
+
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": path.stem}):
+        for suffix, metadata in ((".png", {}), (".svg", {"Date": None})):
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format=suffix[1:], metadata=metadata)
+            path.with_suffix(suffix).write_bytes(buffer.getvalue())
 
 
 def parquet_bytes(table: "pa.Table") -> bytes:

@@ -20,10 +20,10 @@ from wzsumo.files.geojson import collection_in_metres
 from wzsumo.files.ros_map import read_map
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, cells_inside
-from wzsumo.road import Road
+from wzsumo.road import Profile, Road
 from wzsumo.spec import parse_spec, read_toml
 from wzsumo.vehicle import VehicleGeometry
-from wzsumo.work_zone import DEVICE_COLUMNS, SIGN_COLUMNS
+from wzsumo.work_zone import DEVICE_COLUMNS, SIGN_COLUMNS, OpenLane
 
 LAYOUT = "layout.geojson"
 REMEDY = "run the scenario again"
@@ -85,16 +85,33 @@ class ResultFolder:
         """Every sign, in SIGN_COLUMNS."""
         return self._points("sign", SIGN_COLUMNS)
 
+    @cached_property
+    def lanes(self) -> tuple[OpenLane, ...]:
+        """Every lane that is open, along its whole length."""
+        with self._reading(LAYOUT):
+            return tuple(self._lane(f) for f in self.layout["features"] if f["properties"]["name"] == "lane")
+
+    @cached_property
+    def stop_lines(self) -> list[dict[str, Any]]:
+        """Station s_m, ends right_m and left_m [m] and direction (`opposing`) of each line where those wait who take turns."""
+        return [dict(f["properties"]) for f in self.layout["features"] if f["properties"]["name"] == "stop_line"]
+
+    def _lane(self, feature: Mapping[str, Any]) -> OpenLane:
+        place = feature["properties"]
+        outline = shapely.get_coordinates(shape(feature["geometry"]))[:-1]  # right line along the road, left line back
+        s, d = self.road.to_sd(outline)
+        n = len(s) // 2
+        right, left = Profile(stations=s[:n], offsets=d[:n]), Profile(stations=s[n:][::-1], offsets=d[n:][::-1])
+        return OpenLane(
+            index=int(place["index"]), opposing=bool(place["opposing"]),
+            start=float(place["start_m"]), end=float(place["end_m"]), right=right, left=left,
+        )  # fmt: skip
+
     def lanes_at(self, station: float) -> list[tuple[float, float]]:
         """Offsets (right, left) [m] of every lane that is open at a station."""
-        cut = shapely.LineString(self.road.to_xy(station, [-self.road.right_shoulder - 1, self.road.left_edge + 1]))
-        found = []
-        for feature in self.layout["features"]:
-            place = feature["properties"]
-            if place["name"] == "lane" and place["start_m"] <= station < place["end_m"]:
-                _, offsets = self.road.to_sd(shapely.get_coordinates(shape(feature["geometry"]).intersection(cut)))
-                found.append((float(offsets.min()), float(offsets.max())))
-        return sorted(found)
+        return sorted(
+            (float(lane.right(station)), float(lane.left(station))) for lane in self.lanes if lane.start <= station < lane.end
+        )
 
     @cached_property
     def used_traces(self) -> pd.DataFrame:

@@ -1,7 +1,7 @@
-"""What all pages share: the template engine, the scripts that a page may run, and figures embedded in the page.
+"""What all pages share: the template engine, their style, the scripts that a page may run, and figures embedded in the page.
 
 Nothing that a file or a folder says is ever part of a script. Data reaches a script as an attribute or as a block of JSON. The
-page's Content-Security-Policy lets the browser run the scripts of this folder alone, by their hashes, and load nothing.
+page's Content-Security-Policy lets the browser run the scripts of the package alone, by their hashes, and load nothing.
 """
 
 import base64
@@ -20,19 +20,28 @@ from wzsumo.figures.figure_files import ReportFigure
 def page_template(name: str) -> Template:
     """The template of a page. Values are escaped, and a value that is missing raises an error."""
     environment = Environment(
-        loader=PackageLoader("wzsumo.report", "."),
+        loader=PackageLoader("wzsumo.report", "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"script": script, "policy": policy}
+    environment.globals |= {"script": script, "style": style, "policy": policy}
     return environment.get_template(name)
 
 
 def script(name: str) -> Markup:
-    """The content of a script of this folder, to stand in a page as it is."""
-    return Markup(files("wzsumo.report").joinpath(name).read_text(encoding="utf-8"))  # noqa: S704 - ours, of no input
+    """The content of a script of the package, to stand in a page as it is."""
+    return Markup(_own(name))  # noqa: S704 - ours, of no input
+
+
+def style(name: str) -> Markup:
+    """The content of a style sheet of the package, to stand in a page as it is."""
+    return Markup(_own(name))  # noqa: S704 - ours, of no input
+
+
+def _own(name: str) -> str:
+    return files("wzsumo.report").joinpath("templates", name).read_text(encoding="utf-8")
 
 
 def policy(*scripts: str) -> str:
@@ -51,8 +60,11 @@ def json_block(data: Any) -> Markup:
 
 
 def embedded(figures: Iterable[ReportFigure]) -> list[dict[str, str]]:
-    """Title, caption and image (PNG in base64) of each figure, for the templates."""
+    """Stem, title, caption, section and image (PNG in base64) of each figure, for the templates."""
     return [
-        {"title": each.title, "caption": each.caption, "png": base64.b64encode(each.path.read_bytes()).decode("ascii")}
+        {
+            "stem": each.path.stem, "title": each.title, "caption": each.caption, "section": each.section,
+            "png": base64.b64encode(each.path.read_bytes()).decode("ascii"),
+        }
         for each in figures
-    ]
+    ]  # fmt: skip

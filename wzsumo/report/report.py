@@ -1,4 +1,4 @@
-"""report.html of a run: one page, without other files, that says whether the ego reached its goal and shows every figure."""
+"""report.html of a run: one page that says whether the vehicle could drive through, and shows every figure."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,17 +9,48 @@ from wzsumo.case.methods import is_baseline, methods_from
 from wzsumo.ego import Outcome
 from wzsumo.files.output import staged_folder
 from wzsumo.files.result_folder import ResultFolder, read_result_folder
+from wzsumo.report.answer import key_figures, sentences
 from wzsumo.report.drive_player import player_data
 from wzsumo.report.page import embedded, page_template
-from wzsumo.report.tables import DASH, conduct_rows, goal_rows, metres, network_rows, outcome_in_words, percent, traffic_rows
+from wzsumo.report.tables import (
+    DASH,
+    conduct_rows,
+    goal_rows,
+    goals_of,
+    method_row,
+    metres,
+    network_rows,
+    quality_and_clearances,
+)
+from wzsumo.report.traffic_groups import traffic_groups
+from wzsumo.spec import read_toml
 
 PAGE = "report.html"
-CLEARANCES = ("min_clearance_devices_m", "min_clearance_road_edge_m")
 NOT_RUN_NAMES = {"slam": "LiDAR SLAM baseline"}
+GOAL_NAMES = {"own_lane": "Goal in the vehicle's own lane", "open_lane": "Goal in the open lane"}
+FILES = {
+    "result.json": "every figure of this page",
+    "scenario.toml": "the scenario with all its defaults",
+    "layout.geojson": "lanes, areas, devices, signs",
+    "devices.csv": "the devices",
+    "traces.parquet": "the traces",
+    "mixture.json": "the mixture",
+    "traffic/vehicles.csv": "delay, merging, braking, conflicts, emissions of each vehicle",
+    "traffic/minutes.csv": "flow, speed and queue of each minute",
+    "traffic/stations.csv": "flow, density and speed every 20 m",
+    "traffic/cells.parquet": "speeds over time and road",
+    "traffic/edges.csv": "delay on each edge of the network",
+}
+FOLDERS = {
+    "maps/*.yaml": "map",
+    "paths/*.csv": "planned path",
+    "drives/*.csv": "log of the drive",
+    "drives/*_traffic.parquet": "vehicles around the drive",
+}
 
 
 def write_report(folder: Path) -> Path:
-    """The path of report.html, written to a run's result folder together with figures/*.png.
+    """The path of report.html, written to a run's result folder together with figures/*.png and *.svg.
 
     All of them are replaced together, or none. Raises InputError where no run wrote the folder, OutputError where it cannot be
     written to.
@@ -42,24 +73,59 @@ def best_method(methods: Mapping[str, Mapping[str, Any]]) -> str | None:
 
 
 def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
+    from wzsumo.figures.figures import file_name, is_papers  # as above
+    from wzsumo.report.zone_picture import zone_picture
+
     result, best = run.result, best_method(run.methods)
     facts = {key: _text(result.get(key)) for key in ("scenario", "seed", "version", "n_collected", "n_traces", "n_components")}
     return page_template("report.html.j2").render(
         facts=facts,
         best=best,
+        sentences=sentences(run, best),
+        six=key_figures(run, best),
+        picture=zone_picture(run, best),
+        zone_words=_zone_words(run),
         player=player_data(run, best),
-        verdict=_verdict(run.methods.get(best or "", {})),
-        comparison=_comparison(run, best),
-        methods=[_method_row(name, method) for name, method in run.methods.items()],
+        comparison=_comparison(run, best) if is_papers(run) else [],
+        methods=[method_row(name, method, driven_m=_driven(run, name)) for name, method in run.methods.items()],
         conduct=conduct_rows(run.methods),
         goals=goal_rows(run.methods),
+        goal_names=[GOAL_NAMES[goal] for goal in goals_of(run.methods)],
         slam=_slam_facts(result.get("slam") or {}),
         not_run=[(NOT_RUN_NAMES.get(name, name), reason) for name, reason in _not_run(result).items()],
-        fleet=_fleet_rows(result.get("fleet") or {}) + traffic_rows(result.get("traffic") or {}),
+        traffic=traffic_groups(result.get("traffic") or {}, fleet=result.get("fleet") or {}, demand_vph=_demand(run)),
         network=network_rows(result.get("network") or {}),
         timings=[(name, f"{seconds:.2f} s") for name, seconds in (result.get("timings_s") or {}).items()],
-        figures=figures,
+        figures=sorted(figures, key=lambda each: not each["stem"].endswith(f"_{file_name(best or '')}")),  # the best first
+        files=_files(run.folder),
     )
+
+
+def _zone_words(run: ResultFolder) -> str:
+    """What the picture shows, for those who do not see it."""
+    start, end = run.span
+    areas = ", ".join(f"{name} {last - first:.0f} m" for name, first, last in run.areas)
+    return f"Plan of the zone of {end - start:.0f} m: {areas}. Lanes, closed ground, devices and the drive."
+
+
+def _driven(run: ResultFolder, method: str) -> float | None:
+    log = run.drive_of(method)
+    return None if log is None or log.empty else float(log["s_m"].max())
+
+
+def _demand(run: ResultFolder) -> float | None:
+    path = run.folder / "scenario.toml"
+    table = read_toml(path) if path.exists() else {}
+    flow = table.get("simulation", {}).get("demand", {}).get("flow_vph")
+    return float(flow) if isinstance(flow, int | float) else None
+
+
+def _files(folder: Path) -> list[tuple[str, str]]:
+    """Address within the folder and content of each data file that is there."""
+    found = [(name, words) for name, words in FILES.items() if (folder / name).is_file()]
+    for pattern, words in FOLDERS.items():
+        found += [(path.relative_to(folder).as_posix(), words) for path in sorted(folder.glob(pattern))]
+    return found
 
 
 def _slam_facts(slam: Mapping[str, Any]) -> str:
@@ -80,20 +146,8 @@ def _not_run(result: Mapping[str, Any]) -> dict[str, str]:
     return not_run
 
 
-def _verdict(method: Mapping[str, Any]) -> dict[str, str]:
-    if not method:
-        return {}
-    reached = method.get("outcome") == Outcome.REACHED_GOAL
-    return {
-        "answer": "Yes" if reached else "No",
-        "end": outcome_in_words(method),
-        "reason": _text(method.get("reason")),
-        "faults": "" if method.get("clean") else str(method.get("faults") or ""),
-    } | _quality_and_clearances(method)
-
-
 def _comparison(run: ResultFolder, best: str | None) -> list[tuple[str, str, str]]:
-    measured = _quality_and_clearances(run.methods.get(best or "", {}))
+    measured = quality_and_clearances(run.methods.get(best or "", {}), decimals=3)
     return [
         ("Precision of the map", "90.08 %", measured["precision"]),
         ("Recall of the map", "not reported", measured["recall"]),
@@ -104,41 +158,6 @@ def _comparison(run: ResultFolder, best: str | None) -> list[tuple[str, str, str
         ("Least clearance to cones, driven", "not reported", measured["driven_devices"]),
         ("Least clearance to road edge, driven", "not reported", measured["driven_edge"]),
         ("Share of the driven path in the closed area", "not reported", measured["driven_closed"]),
-    ]
-
-
-def _method_row(name: str, method: Mapping[str, Any]) -> dict[str, str]:
-    plan_ms = method.get("plan_ms")
-    return _quality_and_clearances(method) | {
-        "name": name,
-        "outcome": outcome_in_words(method),
-        "reason": _text(method.get("reason")),
-        "n_traces": _text(method.get("n_traces")),
-        "n_components": _text(method.get("n_components")),
-        "n_fragments": _text(method.get("n_fragments")),
-        "plan_ms": DASH if plan_ms is None else f"{plan_ms:.0f} ms",
-    }
-
-
-def _quality_and_clearances(method: Mapping[str, Any]) -> dict[str, str]:
-    row = {key: percent(method.get(key)) for key in ("precision", "recall", "iou")}
-    for stage in ("planned", "driven"):
-        figures = method.get(stage) or {}
-        devices, edge = (metres(figures.get(key)) for key in CLEARANCES)
-        closed = percent(figures.get("closed_area_share"))
-        row |= {f"{stage}_devices": devices, f"{stage}_edge": edge, f"{stage}_closed": closed}
-    return row
-
-
-def _fleet_rows(fleet: Mapping[str, Any]) -> list[tuple[str, str]]:
-    merge = fleet.get("merge_position_m") or {}
-    quantiles = ", ".join(f"{name[1:]} %: {value:.0f} m" for name, value in merge.items() if value is not None)
-    return [
-        ("Vehicles simulated", _text(fleet.get("n_vehicles"))),
-        ("Vehicles that passed the zone", _text(fleet.get("n_passed"))),
-        ("Vehicles in the closed area", _text(fleet.get("n_in_closed_area"))),
-        ("Lateral scatter between vehicles (standard deviation)", metres(fleet.get("lateral_sd_m"))),
-        ("Merge position from the start of the merging taper, quantiles", quantiles or DASH),
     ]
 
 

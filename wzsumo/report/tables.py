@@ -12,38 +12,6 @@ _NO_PATH_IN_WORDS = {
     "START_OCCUPIED": "start is not free",
     "GOAL_OCCUPIED": "goal is not free",
 }
-# Key of result.json["traffic"], name of the quantity, unit, decimals.
-_ROWS = (
-    ("n_vehicles", "Vehicles due to enter the road", "", 0),
-    ("n_arrived", "Vehicles that arrived at its end", "", 0),
-    ("n_waiting", "Vehicles still waiting to enter at the end of the run", "", 0),
-    ("locked_s", "Traffic locked: a vehicle stood and never drove on from", "s", 0),
-    ("locked_station_m", "Station where that vehicle stood", "m", 0),
-    ("throughput_vph", "Throughput past the activity area, after the warm-up (up to a lock)", "veh/h", 0),
-    ("peak_flow_vph", "Highest flow of 15 minutes past the activity area, before a queue stood", "veh/h", 0),
-    ("hcm_queue_discharge_vph", "Queue discharge of the zone by the HCM, 7th edition", "veh/h", 0),
-    ("queue_discharge_vph", "Queue discharge in this run, once a queue has stood for 8 minutes", "veh/h", 0),
-    ("breakdown_s", "A queue began to stand at", "s", 0),
-    ("max_queue_length_m", "Farthest that a queue reached back from the last merging taper", "m", 0),
-    ("mean_queue_length_m", "Mean length of the queue over time, after the warm-up", "m", 0),
-    ("mean_travel_time_s", "Mean travel time", "s", 1),
-    ("mean_delay_s", "Mean delay, departure delay included", "s", 1),
-    ("p95_delay_s", "95th percentile of the delay", "s", 1),
-    ("mean_departure_delay_s", "Mean departure delay", "s", 1),
-    ("speed_sd_taper_mps", "Greatest standard deviation of speeds, 200 m ahead of the zone to its end", "m/s", 1),
-    ("n_merges", "Vehicles that merged out of a closing lane", "", 0),
-    ("n_hard_braking", "Vehicles that braked hard (2.67 m/s2 over a second)", "", 0),
-    ("hard_brakes_per_1000_vkm", "Hard braking", "per 1000 veh km", 0),
-    ("n_overlapping", "Vehicles whose outlines overlapped", "", 0),
-    ("n_ttc_conflicts", "Vehicles with a time to collision below 1.5 s", "", 0),
-    ("n_drac_conflicts", "Vehicles that would have needed more than 3.35 m/s2 to avoid a crash", "", 0),
-    ("n_pet_conflicts", "Vehicles with a post-encroachment time below 1 s", "", 0),
-    ("co2_g_per_vkm", "Carbon dioxide (SUMO's default emission classes)", "g per veh km", 0),
-    ("nox_g_per_vkm", "Nitrogen oxides (ibid.)", "g per veh km", 3),
-    ("fuel_g_per_vkm", "Fuel (ibid.)", "g per veh km", 0),
-)
-
-
 # Key of result.json["network"][...], name of the quantity, unit, decimals.
 _NETWORK_ROWS = (
     ("n_vehicles", "Vehicles due to depart", "", 0),
@@ -71,18 +39,22 @@ def percent(share: float | None, *, decimals: int = 2) -> str:
     return DASH if share is None or math.isnan(share) else f"{100 * share:.{decimals}f} %"
 
 
-def metres(length: float | None) -> str:
-    """A length to the millimetre, a dash where there is none.
+def metres(length: float | None, *, decimals: int = 3) -> str:
+    """A length, to the millimetre if not said otherwise, a dash where there is none.
 
     >>> metres(1.2968)
     '1.297 m'
     """
-    return DASH if length is None or math.isnan(length) else f"{length:.3f} m"
+    return DASH if length is None or math.isnan(length) else f"{length:.{decimals}f} m"
 
 
-def traffic_rows(traffic: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """(quantity, value with its unit) of every traffic figure of a run; a dash where nothing could be measured."""
-    return [(name, _value(traffic[key], unit, decimals)) for key, name, unit, decimals in _ROWS if key in traffic]
+def plain_number(value: float | None, unit: str, *, decimals: int = 0) -> str:
+    """A figure with its unit, a dash where there is none.
+
+    >>> plain_number(1370.77, "veh/h")
+    '1371 veh/h'
+    """
+    return DASH if value is None else f"{value:.{decimals}f} {unit}".rstrip()
 
 
 def network_rows(network: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, str, str, str]]:
@@ -91,13 +63,9 @@ def network_rows(network: Mapping[str, Mapping[str, Any]]) -> list[tuple[str, st
         return []
     sides = [network[name] for name in ("with_zone", "without_zone", "change")]
     return [
-        (name, *(_value(side.get(key), unit, decimals) for side in sides))  # type: ignore[misc]  # three sides
+        (name, *(plain_number(side.get(key), unit, decimals=decimals) for side in sides))  # type: ignore[misc]  # three sides
         for key, name, unit, decimals in _NETWORK_ROWS
     ]
-
-
-def _value(value: float | None, unit: str, decimals: int) -> str:
-    return DASH if value is None else f"{value:.{decimals}f} {unit}".rstrip()
 
 
 def outcome_code(figures: Mapping[str, Any], key: str = "outcome") -> str:
@@ -138,20 +106,54 @@ def conduct_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str
     return rows
 
 
-def goal_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
-    """One row per method with figures of its goals: its name, the quality of its map, and what the path to each goal does."""
+def goals_of(methods: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """The goals that any method of a run has, in the order of GOALS."""
+    return [goal for goal in GOALS if any(goal in (method.get("goals") or {}) for method in methods.values())]
+
+
+def goal_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One row per method with figures of its goals: its name, and for each goal of the run what the path to it does."""
     rows = []
     for name, method in methods.items():
         goals = method.get("goals") or {}
-        if not goals:
-            continue
-        row = {"name": name} | {key: percent(method.get(key), decimals=1) for key in ("precision", "recall", "iou")}
-        for goal in GOALS:
-            figures = goals.get(goal) or {}
-            row |= {
-                f"{goal}_outcome": outcome_in_words(figures, "planned_outcome"),
-                f"{goal}_closed": percent(figures.get("closed_area_share"), decimals=1),
-                f"{goal}_struck": DASH if figures.get("n_devices_struck") is None else str(figures["n_devices_struck"]),
-            }
-        rows.append(row)
+        if goals:
+            rows.append({"name": name, "goals": [_goal_cells(goals.get(goal) or {}) for goal in goals_of(methods)]})
     return rows
+
+
+def _goal_cells(figures: Mapping[str, Any]) -> dict[str, str]:
+    struck = figures.get("n_devices_struck")
+    return {
+        "outcome": outcome_in_words(figures, "planned_outcome"),
+        "closed": percent(figures.get("closed_area_share"), decimals=1),
+        "struck": DASH if struck is None else str(struck),
+    }
+
+
+def method_row(name: str, method: Mapping[str, Any], *, driven_m: float | None) -> dict[str, str]:
+    """The row of a method: quality of its map, the path planned on it, and the drive of `driven_m` [m], None: not driven."""
+    plan_ms, driven = method.get("plan_ms"), method.get("driven") or {}
+    closed = percent(driven.get("closed_area_share"), decimals=1)
+    return quality_and_clearances(method, decimals=2) | {
+        "name": name,
+        "outcome": outcome_in_words(method),
+        "reason": str(method.get("reason") or ""),
+        "n_traces": DASH if method.get("n_traces") is None else str(method["n_traces"]),
+        "n_fragments": DASH if method.get("n_fragments") is None else str(method["n_fragments"]),
+        "plan_ms": DASH if plan_ms is None else f"{plan_ms:.0f} ms",
+        "closed": closed if closed == DASH or driven_m is None else f"{closed} of {driven_m:.0f} m",
+    }
+
+
+def quality_and_clearances(method: Mapping[str, Any], *, decimals: int) -> dict[str, str]:
+    """Precision, recall and IoU of a method's map, and clearances and closed share of its planned and its driven path."""
+    row = {key: percent(method.get(key), decimals=decimals - 1) for key in ("precision", "recall", "iou")}
+    for stage in ("planned", "driven"):
+        figures = method.get(stage) or {}
+        devices, edge = (metres(figures.get(f"min_clearance_{what}_m"), decimals=decimals) for what in ("devices", "road_edge"))
+        row |= {
+            f"{stage}_devices": devices,
+            f"{stage}_edge": edge,
+            f"{stage}_closed": percent(figures.get("closed_area_share")),
+        }
+    return row
