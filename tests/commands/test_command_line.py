@@ -126,7 +126,7 @@ def test_layout_command_writes_the_zone_that_the_paper_names(tmp_path: Path, cap
     lengths_ft = {"shoulder taper": 240, "merging taper": 720, "shifting taper": 360, "activity area": 650}
     assert {name: areas[name] / 0.3048 for name in lengths_ft} == pytest.approx(lengths_ft, abs=0.01)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
-        "devices.csv", "lanes.geojson", "layout.geojson", "layout.png",
+        "devices.csv", "lanes.geojson", "layout.geojson", "layout.png", "layout.svg",
     ]  # fmt: skip
     features = json.loads((tmp_path / "out" / "layout.geojson").read_text())["features"]
     assert {f["properties"]["name"] for f in features} == {
