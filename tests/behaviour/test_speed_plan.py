@@ -8,7 +8,7 @@ from builders import by_turns_layout
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wzsumo.behaviour.speed_plan import SpeedPlanSpec, plan_acceleration, speed_profiles
+from wzsumo.behaviour.speed_plan import SpeedPlanner, SpeedPlanSpec, plan_accelerations, speed_profiles
 from wzsumo.behaviour.ways_of_others import ways_of_others, with_stop_line
 
 AT_EGO = START_X + CAR.axle_to_centre_m
@@ -29,10 +29,12 @@ def coming_over(x: float) -> float:
 
 
 def test_nobody_in_the_way_leaves_the_speed_to_the_controller() -> None:
-    planned = plan_acceleration(outlook(), NOBODY, layout=LAYOUT, may_enter=True, acceleration=0.0, spec=SpeedPlanSpec())
-    assert planned == np.inf
     far = vehicle_at(ahead(200.0), RIGHT, speed=30.0)
-    assert plan_acceleration(outlook(), far, layout=LAYOUT, may_enter=True, acceleration=0.0, spec=SpeedPlanSpec()) == np.inf
+    for traffic in (NOBODY, far):
+        planned = plan_accelerations(outlook(), traffic, layout=LAYOUT, may_enter=True, acceleration=0.0, spec=SpeedPlanSpec())
+        assert planned is None
+        planner = SpeedPlanner(SpeedPlanSpec())
+        assert planner.ceiling(outlook(), traffic, layout=LAYOUT, may_enter=True, dt=0.1) == np.inf
 
 
 def test_standing_queue_is_met_with_comfortable_braking_and_two_metres() -> None:
@@ -44,7 +46,7 @@ def test_standing_queue_is_met_with_comfortable_braking_and_two_metres() -> None
 
 
 def test_steady_following_keeps_gap_and_speed_of_the_one_ahead() -> None:
-    trial = drive([Other(ahead(50.0), in_lane, lambda _t: 15.0)], speed=20.0, desired=25.0, duration_s=45.0)
+    trial = drive([Other(ahead(50.0), in_lane, lambda _t: 15.0)], speed=20.0, desired=25.0, duration_s=33.0)
     assert trial.speed[-1] == pytest.approx(15.0, abs=0.3)
     # 2 m and 1.5 s are wished for; some of it is given for the speed that is wished for.
     assert 1.0 < (trial.gap()[-1] - 2.0) / 15.0 < 1.55
@@ -122,6 +124,16 @@ def test_vehicle_that_stands_beside_the_path_is_passed() -> None:
     stands = Other(150.0, lambda _t: RIGHT - LANE / 2 - 0.6, lambda _t: 0.0)
     trial = drive([stands], speed=5.0, desired=10.0, duration_s=25.0)
     assert trial.x[-1] > 170
+
+
+def test_ego_that_leaves_the_way_of_one_who_waits_ahead_does_not_slow_down_for_it() -> None:
+    # It waits 100 m ahead; the path leads out of its way 30 m before it.
+    waits = Other(ahead(100.0), in_lane, lambda _t: 0.0)
+    leaving = [START_X + 30.0, START_X + 70.0]
+    trial = drive([waits], speed=20.0, desired=20.0, duration_s=7.0, y=lambda x: float(np.interp(x, leaving, [MIDDLE, RIGHT])))
+    assert not trial.touches()
+    assert trial.speed.min() > 19.0
+    assert trial.x[-1] > ahead(110.0)
 
 
 def test_stop_and_go_is_followed_and_moves_off_again() -> None:

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from behaviour.outlooks import CAR, LANE, LAYOUT, LEFT, MIDDLE, NOBODY, RIGHT, one_vehicle, outlook, together
+from behaviour.outlooks import CAR, LANE, LAYOUT, LEFT, MIDDLE, NOBODY, RIGHT, one_vehicle, outlook, together, vehicle_at
+from builders import by_turns_layout
 
 from wzsumo.behaviour.ego_outlook import EgoOutlook
 from wzsumo.behaviour.ways_of_others import WaysOfOthers, ways_of_others
@@ -66,11 +67,34 @@ def test_driver_in_a_lane_that_ends_drifts_on_and_one_in_another_lane_does_not()
     assert len(ways(outlook(y=MIDDLE, speed=16.0), from_the_right).enters) == 0
 
 
+def test_driver_who_changes_lanes_goes_on_to_the_middle_and_one_who_does_not_keeps_its_place() -> None:
+    # 1.2 m to the right of its lane's middle: with 1.0 m/s it is there after 1.2 s.
+    side, speed = MIDDLE - 1.2, 16.0
+    for sideways, found in ((0.0, 1), (1.0, 0), (-1.0, 1)):
+        other = one_vehicle(-30.0, side, speed=speed, heading=float(np.arcsin(sideways / speed)))
+        assert len(ways(outlook(slope=0.005, length_m=150), other).enters) == found
+
+
 @pytest.mark.parametrize(("ahead_m", "speed"), [(30.0, 17.0), (-30.0, 15.0), (-30.0, 25.0), (2.0, 15.0)])
 def test_driver_who_comes_over_faster_than_the_ego_or_behind_it_minds_the_ego(ahead_m: float, speed: float) -> None:
     turned = float(np.arcsin(0.5 / speed))
     coming = one_vehicle(ahead_m, MIDDLE + 0.93 + 0.925 + 1.0, speed=speed, heading=-turned)
     assert len(ways(outlook(y=MIDDLE, speed=16.0), coming).enters) == 0
+
+
+@pytest.mark.parametrize("beyond_m", [3.0, 60.0])
+def test_driver_from_the_other_side_waits_at_the_stop_line_of_the_shared_lane(beyond_m: float) -> None:
+    layout = by_turns_layout()
+    assert layout.taking_turns is not None
+    line, shared = layout.taking_turns.end, 1.5 * LANE
+    ego = outlook(shared, speed=15.0, x=line - 150.0)
+    coming = vehicle_at(line + 2.4 + beyond_m, shared, speed=15.0, heading=np.pi)
+    found = ways_of_others(ego, coming, layout=layout, times=TIMES, side_margin_m=0.5)
+    # Its front stops at the line, which is 150 m from the ego's rear axle: its tail, less half of the ego, is 3.7 m nearer.
+    assert found.near[0].min() == pytest.approx(150.0 - CAR.axle_to_centre_m + 2.4 - BOTH, abs=0.05)
+    inside = vehicle_at(line - 10.0, shared, speed=15.0, heading=np.pi)  # one that has passed the line drives on
+    passing = ways_of_others(ego, inside, layout=layout, times=TIMES, side_margin_m=0.5)
+    assert passing.near[0, -1] == pytest.approx(passing.near[0, 0] - 15.0 * 8, abs=0.1)
 
 
 def test_each_vehicle_has_a_way_of_its_own_and_nobody_has_none() -> None:

@@ -1,11 +1,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
-from builders import lane_map_of
+from builders import lane_map_of, straight_traces
 from case.finished_plans import coarse_paper, coarse_site
 
-from wzsumo.case.map_method import MadeMap, lines_of_lanes, lines_of_mixture
+from wzsumo.case.map_method import MadeMap, lines_of_lanes, lines_of_mixture, lines_of_traces
 from wzsumo.case.methods import METHODS, map_of_before
 from wzsumo.case.plans import lanes_to_goal, nominal_lanes, plan_for, within_lane
 from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
@@ -113,6 +114,39 @@ def test_lines_of_a_lane_map_are_the_middles_of_its_lanes_where_they_are_open() 
     assert len(of_closing) == 2
     taper = coarse_site().layout.area("merging taper")
     assert taper.start < min(line.stations[-1] for line in of_closing) < taper.end
+
+
+def test_lines_of_traces_lie_where_they_were_driven_without_the_common_error_and_weigh_less_the_more_receivers_err() -> None:
+    traces = straight_traces([RIGHT + 1.2, MIDDLE + 0.8])
+    road = coarse_site().layout.road
+    right, middle = lines_of_traces(traces, axis=road, shift_m=1.0, error_m=0.0)
+    np.testing.assert_allclose(right.offsets, RIGHT + 0.2, atol=1e-6)
+    np.testing.assert_allclose(middle.offsets, MIDDLE - 0.2, atol=1e-6)
+    assert (right.stations[0] < 5, right.stations[-1] > 95, len(right.stations)) == (True, True, 21)
+    assert right.weight == pytest.approx(0.3**2 / 0.25**2)  # of a lane's middle, known to 0.3 m, beside a driver's 0.25 m
+    (vague, _) = lines_of_traces(traces, axis=road, shift_m=1.0, error_m=1.0)
+    assert vague.weight == pytest.approx(0.3**2 / (0.25**2 + 1))
+
+
+def test_path_follows_the_lane_that_work_has_narrowed_where_vehicles_drive_it(paper: tuple[Scenario, Site]) -> None:
+    # The map has lanes of 12 ft; the zone's are of 11 ft, 0.3 m beside, and five vehicles drove there.
+    scenario, site = paper
+    known, road, lane = known_lanes(site), site.layout.road, next(lane for lane in site.layout.lanes if lane.index == 1)
+    s = np.arange(site.layout.start, site.layout.end, 2.0)
+    true_middle = (lane.right(s) + lane.left(s)) / 2
+    beside = tuple(replace(line, offsets=line.offsets + 0.3) for line in known.lines)
+    places = [road.to_xy(s, true_middle + off) for off in (-0.2, -0.1, 0.0, 0.1, 0.2)]
+    traces = pd.concat(pd.DataFrame({"vehicle_id": f"{i}", "x_m": xy[:, 0], "y_m": xy[:, 1]}) for i, xy in enumerate(places))
+    driven = lines_of_traces(traces, axis=road, shift_m=0.0, error_m=0.0)
+    within = (s > site.layout.area("activity area").start + 30) & (s < site.layout.area("activity area").end - 30)
+    off = []
+    for lines in (beside, (*beside, *driven)):
+        route, _ = lanes_to_goal(known._replace(lines=lines), scenario=scenario, site=site)
+        assert route is not None
+        station, offset = road.to_sd(route)
+        off.append(np.abs(np.interp(s, station, offset) - true_middle)[within].max())
+    assert off[0] > 0.25
+    assert off[1] < 0.16
 
 
 def test_lines_of_a_mixture_weigh_the_fixes_a_metre() -> None:

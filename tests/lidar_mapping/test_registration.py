@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from lidar_mapping.clouds import room, street
+from lidar_mapping.clouds import beside_rail, room, street, tunnel
 
 from wzsumo.errors import CloudError
 from wzsumo.frames import FloatArray
@@ -76,6 +76,40 @@ def test_bare_plane_leaves_three_directions_free() -> None:
     assert result.status == RegistrationStatus.DEGENERATE
     assert result.free_directions == 3
     assert result.transform[2, 3] == pytest.approx(-0.2, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_way_along_a_rail_is_named_as_the_direction_that_two_scans_leave_free(seed: int) -> None:
+    truth = rigid(rotation_from_vector([0.0, 0.0, 0.03]), [2.0, 0.1, 0.0])
+    result = register(moved(beside_rail(2.0, seed), inverse(truth) @ rigid(np.eye(3), [2.0, 0.0, 0.0])), beside_rail(0.0, 7))
+    assert (result.status, result.free_directions) == (RegistrationStatus.DEGENERATE, 1)
+    np.testing.assert_allclose(np.abs(result.free_motions[0]), [1, 0, 0, 0, 0, 0], atol=0.05)
+    np.testing.assert_allclose(result.transform[1:3, 3], [0.1, 0.0], atol=0.03)  # across it the scans tell
+    assert rpy_from_rotation(result.transform[:3, :3])[2] == pytest.approx(0.03, abs=0.005)
+
+
+def test_way_along_a_tunnel_and_the_turn_about_it_are_free() -> None:
+    result = register(tunnel(1) + np.array([1.0, 0.2, 0.1]), tunnel(2), start=np.eye(4))
+    assert (result.status, result.free_directions) == (RegistrationStatus.DEGENERATE, 2)
+    along, about = np.abs(result.free_motions[:, 0]), np.abs(result.free_motions[:, 3])
+    np.testing.assert_allclose(along**2 + about**2, 1.0, atol=0.05)
+    np.testing.assert_allclose(result.transform[1:3, 3], [-0.2, -0.1], atol=0.03)
+
+
+def test_post_beside_a_rail_ends_its_freedom() -> None:
+    def scan(x: float, seed: int) -> FloatArray:
+        rng = np.random.default_rng(seed)
+        face = np.linspace(-np.pi, 0, 12)
+        face, z = (each.ravel() for each in np.meshgrid(np.linspace(-np.pi, 0, 12), np.linspace(-1.2, 1.0, 20)))
+        post = np.vstack([
+            np.column_stack([at - x + 0.1 * np.cos(face), side + 0.1 * np.sin(face), z])
+            for at, side in ((4.0, 5.0), (-6.0, 7.0), (15.0, 6.0))
+        ])  # fmt: skip
+        return np.vstack([beside_rail(x, seed), post + 0.01 * rng.standard_normal(post.shape)])
+
+    result = register(scan(0.8, 3), scan(0.0, 4))
+    assert (result.status, result.free_directions) == (RegistrationStatus.CONVERGED, 0)
+    np.testing.assert_allclose(result.transform[:2, 3], [0.8, 0.0], atol=0.03)
 
 
 def test_handful_of_points_is_too_few() -> None:

@@ -111,11 +111,27 @@ def test_stop_before_a_stop_line_is_prompted() -> None:
 
 
 @pytest.mark.parametrize(("rate", "clean"), [(3.8, True), (4.3, False)])
-def test_braking_of_the_one_behind_is_clean_up_to_mobils_safe_rate(rate: float, clean: bool) -> None:
+def test_braking_of_the_one_behind_for_an_ego_that_brakes_is_clean_up_to_mobils_safe_rate(rate: float, clean: bool) -> None:
     behind = other("v1", braking(20.0, rate, steps=20, dt=0.1, before=60), ahead_m=-30.0)
-    conduct = conduct_of(run_of(np.full(400, 19.0), behind))
-    assert conduct.braking_behind_mps2 == pytest.approx(rate)
-    assert any("behind braked" in fault for fault in faults_of(Outcome.REACHED_GOAL, conduct, WIDE)) != clean
+    conduct = conduct_of(run_of(braking(20.0, 2.5, steps=40, dt=STEP_S, before=110), behind))
+    assert conduct.braking_behind_mps2 == conduct.braking_asked_behind_mps2 == pytest.approx(rate)
+    assert any("had to brake" in fault for fault in faults_of(Outcome.REACHED_GOAL, conduct, WIDE)) != clean
+
+
+def test_braking_of_one_behind_who_has_had_room_all_along_is_its_own_choice() -> None:
+    behind = other("v1", braking(20.0, 4.5, steps=20, dt=0.1, before=60), ahead_m=-90.0)
+    for own in (np.full(400, 11.0), braking(12.0, 1.8, steps=40, dt=STEP_S, before=110)):  # 9 m/s closing in at 84 m: 0.5 m/s2
+        conduct = conduct_of(run_of(own, behind))
+        assert conduct.braking_behind_mps2 == pytest.approx(4.5)
+        assert conduct.braking_asked_behind_mps2 == 0
+
+
+@pytest.mark.parametrize(("room_m", "asked"), [(8.0, 4.5), (16.0, 0.0)])
+def test_ego_that_comes_before_another_asks_for_braking_where_room_lacks(room_m: float, asked: float) -> None:
+    # 20 m/s behind 10 m/s: 100 / (2 x 4) = 12.5 m is the room for 4 m/s2.
+    behind = other("v1", braking(20.0, 4.5, steps=20, dt=0.1, before=1), ahead_m=3.72 - 4.64 - 2.4 - room_m)
+    conduct = conduct_of(run_of(np.full(200, 10.0), behind))
+    assert conduct.braking_asked_behind_mps2 == pytest.approx(asked)
 
 
 def test_braking_of_one_that_is_second_behind_or_in_the_next_lane_is_not_the_egos_doing() -> None:

@@ -72,7 +72,7 @@ def test_planner_that_gave_up_is_not_told_as_a_map_without_a_path(
 
 def test_conduct_row_says_clean_or_what_was_not_and_leaves_out_what_did_not_drive() -> None:
     conduct = {
-        "n_unprompted_stops": 1, "n_stops": 2, "braking_unprompted_mps2": 3.46, "braking_behind_mps2": 2.0,
+        "n_unprompted_stops": 1, "n_stops": 2, "braking_unprompted_mps2": 3.46, "braking_asked_behind_mps2": 2.0,
         "max_jerk_1s_mps3": 1.0, "over_line_share": 0.021, "mean_off_middle_m": 0.1, "sd_off_middle_m": 0.05,
         "n_lane_changes": 1, "n_needed_changes": 0, "min_time_gap_s": None,
     }  # fmt: skip

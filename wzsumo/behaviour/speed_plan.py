@@ -38,8 +38,9 @@ class SpeedPlanSpec(Spec):
     reaction_time_s: float = Field(default=1.0, ge=0)  # of those behind; SUMO's default tau
     safe_deceleration_mps2: float = Field(default=4.0, gt=0)  # asked of those behind; b_safe of MOBIL, Kesting et al. 2007
     emergency_deceleration_mps2: float = Field(default=9.0, gt=0)  # asked where it is too late to wait; SUMO's emergencyDecel
-    braking_cost: float = Field(default=1.0, ge=0)  # of (1 m/s2)^2 for a second, the unit of all costs
-    jerk_cost: float = Field(default=1.0, ge=0)  # of (1 m/s3)^2 for a second; Werling et al. weigh comfort and time alike
+    response_s: float = Field(default=0.3, ge=0)  # of the car to its pedals; Rajamani 2012, Section 5.3
+    # Costs: the unit is (1 m/s2)^2 for a second.
+    jerk_cost: float = Field(default=0.15, ge=0)  # of (1 m/s3)^2 for a second; Werling et al. weigh comfort and time alike
     delay_cost: float = Field(default=0.5, ge=0)  # of a metre behind the desired speed; chosen by us
     room_cost: float = Field(default=20.0, ge=0)  # of a gap that lacks all that is wished, for a second; chosen by us
 
@@ -59,13 +60,17 @@ class SpeedPlanner:
         """
         highest = self._spec.acceleration_mps2
         before = self._last_mps2 if self._last_mps2 < inf else min(max(outlook.state.acceleration, -highest), highest)
-        planned = plan_acceleration(outlook, traffic, layout=layout, may_enter=may_enter, acceleration=before, spec=self._spec)
-        released = self._last_mps2 + RELEASE_JERK_MPS3 * dt
-        self._last_mps2 = released if planned == inf and released < highest else planned
-        return self._last_mps2
+        planned = plan_accelerations(outlook, traffic, layout=layout, may_enter=may_enter, acceleration=before, spec=self._spec)
+        if planned is None:
+            released = self._last_mps2 + RELEASE_JERK_MPS3 * dt
+            self._last_mps2 = released if released < highest else inf
+            return self._last_mps2
+        # The car's acceleration follows what it is asked with a lag: it is asked now what it is to have after the lag.
+        self._last_mps2, asked = map(float, np.interp([dt, dt + self._spec.response_s], TIMES_S, planned))
+        return asked
 
 
-def plan_acceleration(
+def plan_accelerations(
     outlook: EgoOutlook,
     traffic: Traffic,
     *,
@@ -73,13 +78,13 @@ def plan_acceleration(
     may_enter: bool,
     acceleration: float,
     spec: SpeedPlanSpec,
-) -> float:
-    """Acceleration [m/s2] for now, of the best profile from `acceleration` on; inf where nobody is in the way of the ego."""
+) -> FloatArray | None:
+    """Accelerations [m/s2] at TIMES_S of the best profile from `acceleration` on; None where nobody is in the way."""
     ways = ways_of_others(outlook, traffic, layout=layout, times=TIMES_S, side_margin_m=spec.side_margin_m)
     if not may_enter:
         ways = with_stop_line(ways, outlook, layout=layout)
     if not len(ways.enters):
-        return inf
+        return None
     highest = _top_speed(outlook)
     of_others = np.clip(ways.speeds[np.argsort(ways.near[:, 0])[:3], -1], 0.0, highest)
     targets = np.concatenate([np.linspace(0.0, max(highest, outlook.state.speed), N_SPEEDS), of_others])
@@ -87,11 +92,11 @@ def plan_acceleration(
     places = np.cumsum((speeds + np.hstack([speeds[:, :1], speeds[:, :-1]])) / 2 * np.diff(TIMES_S, prepend=0.0), axis=1)
     room = room_costs(places, speeds, ways, spec=spec)
     if room[-1] == 0:  # the last profile is that of the ego alone
-        return inf
+        return None
     desired = np.interp(outlook.station + places, outlook.path.stations, outlook.desired_speeds)
     cost = room + comfort_costs(speeds, accelerations, desired, acceleration=acceleration, spec=spec)
     best = int(np.argmin(cost))
-    return float(accelerations[best, 1])
+    return np.asarray(accelerations[best])
 
 
 def speed_profiles(
@@ -129,7 +134,8 @@ def room_costs(places: FloatArray, speeds: FloatArray, ways: WaysOfOthers, *, sp
     owed = margin + closed_in_on * spec.reaction_time_s + closed_in_on**2 / (2 * spec.safe_deceleration_mps2)
     least = 0.2 + closed_in_on * spec.reaction_time_s / 2 + closed_in_on**2 / (2 * spec.emergency_deceleration_mps2)
     lacks_behind = 5 * np.clip((owed - behind) / owed, 0.0, 1.0)
-    is_behind = ahead >= -0.0
+    is_behind = ahead >= 0
+    in_way &= ~is_behind | (ways.near <= ways.leaves[:, None])  # the ego has left the way of one that is farther ahead
     touching = np.where(is_behind, np.maximum(0.5 - ahead, 0.0), np.maximum(least - behind, 0.0))
     lacking = np.where(is_behind, lacks_ahead, lacks_behind)
     step = TIMES_S[1] - TIMES_S[0]
@@ -144,7 +150,7 @@ def comfort_costs(
     jerk = np.diff(np.hstack([np.full((len(speeds), 1), acceleration), accelerations[:, 1:]]), axis=1) / step
     over = np.maximum(accelerations / spec.acceleration_mps2 - 1.05, 0.0) + np.maximum(speeds - desired - 0.5, 0.0)
     late = np.maximum(desired - speeds, 0.0)
-    cost = spec.braking_cost * accelerations**2 + spec.delay_cost * late + 10 * over**2
+    cost = accelerations**2 + spec.delay_cost * late + 10 * over**2
     return np.asarray((cost.sum(axis=1) + spec.jerk_cost * (jerk**2).sum(axis=1)) * step)
 
 

@@ -38,11 +38,12 @@ def ways_of_others(
 ) -> WaysOfOthers:
     """The ways of the vehicles near the ego that it is in, or comes into.
 
-    Drivers keep their speed; one who brakes goes on braking for BRAKING_LASTS_S. They keep their place in their lane, wherever
-    it leads; in a lane that ends, a slower driver ahead who drifts to one side drifts on for DRIFT_S. One behind who comes over
-    to the ego's lane minds the ego. A vehicle is in the way where less than
-    `side_margin_m` is left between the two sides; one that drives beside the ego with less is in the way where it comes nearer
-    by 0.1 m. A vehicle behind, in whose way the ego is already, follows it and is left out.
+    Drivers keep their speed; one who brakes goes on braking for BRAKING_LASTS_S; one from the other side waits at the stop line
+    of a lane that both share. They keep their place in their lane, wherever it leads, or move on to its middle where they move
+    there; in a lane that ends, a slower driver ahead who drifts to one side drifts on for DRIFT_S. One behind who comes over to
+    the ego's lane minds the ego. A vehicle is in the way where less than `side_margin_m` is left between the two sides; one
+    that drives beside the ego with less is in the way where it comes nearer by 0.1 m. A vehicle behind, in whose way the ego is
+    already, follows it and is left out.
     """
     traffic = traffic.near(outlook.state.x, outlook.state.y, reach_m=REACH_M)
     places = np.arange(0.0, REACH_M, PATH_STEP_M)
@@ -56,10 +57,12 @@ def ways_of_others(
     half_length = (traffic.lengths + outlook.vehicle.length_m) / 2
     may_come_over = (stations - half_length > ego_s[0]) & (speed < outlook.state.speed)
     may_come_over &= _in_ending_lane(stations, offsets, layout)
+    arrives = places / max(outlook.state.speed, 1.0)
     drift = np.where(may_come_over, traffic.speeds * np.sin(headings), 0.0)
     half_width = half_extents(turned, outlook.vehicle.length_m, outlook.vehicle.width_m)[1] + traffic.widths[:, None] / 2
-    aside = _offsets_in_lane(stations, offsets, at=ego_s, layout=layout) - ego_d
-    moved = drift[:, None] * np.clip(places / max(outlook.state.speed, 1.0), 0.0, DRIFT_S)
+    by_then = speed[:, None] * arrives
+    aside = _offsets_in_lane(stations, offsets, np.tan(headings), at=ego_s, driven=by_then, layout=layout) - ego_d
+    moved = drift[:, None] * np.clip(arrives, 0.0, DRIFT_S)
     crossed = np.sign(aside + moved) != np.sign(aside)
     gap = np.where(crossed, 0.0, np.minimum(np.abs(aside + moved), np.abs(aside))) - half_width
     margin = np.clip(gap[:, :1] - 0.1, 0.1, side_margin_m) if gap.size else gap
@@ -70,7 +73,8 @@ def ways_of_others(
     speeds = np.where(speed[:, None] > 0, np.maximum(speed[:, None] + braking, 0.0), speed[:, None])
     steps = np.diff(times, prepend=0.0)
     driven = np.cumsum((speeds + np.hstack([speed[:, None], speeds[:, :-1]])) / 2 * steps, axis=1)
-    tail, nose = (stations[:, None] + driven + sign * half_length[:, None] for sign in (-1, 1))
+    centre = _short_of_their_line(stations, stations[:, None] + driven, traffic.lengths / 2, layout=layout)
+    tail, nose = (centre + sign * half_length[:, None] for sign in (-1, 1))
     return WaysOfOthers(
         enters=places[np.argmax(in_way, axis=1)][kept] if kept.any() else np.empty(0),
         leaves=places[in_way.shape[1] - 1 - np.argmax(in_way[:, ::-1], axis=1)][kept] if kept.any() else np.empty(0),
@@ -100,18 +104,42 @@ def with_stop_line(ways: WaysOfOthers, outlook: EgoOutlook, *, layout: WorkZoneL
     )  # fmt: skip
 
 
+def _short_of_their_line(
+    stations: FloatArray, driven: FloatArray, half_length: FloatArray, *, layout: WorkZoneLayout
+) -> FloatArray:
+    """Stations (m, k) [m] of centres; one who comes from the other side waits at the stop line of a lane that both share."""
+    if layout.taking_turns is None:
+        return driven
+    waiting = layout.taking_turns.end + half_length
+    comes = (stations >= waiting) & (driven[:, -1] < stations)
+    return np.where(comes[:, None], np.maximum(driven, waiting[:, None]), driven)
+
+
 def _on_path(stations: FloatArray, ego_s: FloatArray, places: FloatArray) -> FloatArray:
     """Places on the path [m] beside stations of the road; before and beyond the path metre by metre."""
     inside = np.interp(stations, ego_s, places)
     return inside + np.minimum(stations - ego_s[0], 0.0) + np.maximum(stations - ego_s[-1], 0.0)
 
 
-def _offsets_in_lane(stations: FloatArray, offsets: FloatArray, *, at: FloatArray, layout: WorkZoneLayout) -> FloatArray:
-    """Lateral offsets (m, n) [m] at stations `at` (n,) of vehicles (m,) that keep their places in their lanes."""
-    here = np.array([lane.right(stations) + lane.left(stations) for lane in layout.lanes]) / 2
-    there = np.array([lane.right(at) + lane.left(at) for lane in layout.lanes]) / 2
-    lane = np.argmin(np.abs(here - offsets), axis=0)
-    return np.asarray(there[lane] + (offsets - here[lane, np.arange(len(offsets))])[:, None])
+def _offsets_in_lane(
+    stations: FloatArray, offsets: FloatArray, slopes: FloatArray, *, at: FloatArray, driven: FloatArray, layout: WorkZoneLayout
+) -> FloatArray:
+    """Lateral offsets (m, n) [m] at stations `at` (n,), which they reach after `driven` (m, n) [m], of vehicles (m,) in lanes.
+
+    They keep their places, but those whose slope (m,) against the road leads to the middle of their lane go on until they are
+    there.
+    """
+    here, next_, there = (_middles(layout, of) for of in (stations, stations + 1.0, at))
+    lane, each = np.argmin(np.abs(here - offsets), axis=0), np.arange(len(offsets))
+    off = (offsets - here[lane, each])[:, None]
+    later = off + (slopes - next_[lane, each] + here[lane, each])[:, None] * driven
+    settled = np.where(off > 0, np.clip(later, 0.0, off), np.clip(later, off, 0.0))
+    return np.asarray(there[lane] + settled)
+
+
+def _middles(layout: WorkZoneLayout, stations: FloatArray) -> FloatArray:
+    """Offsets (lanes, n) [m] of the middles of all lanes at stations (n,)."""
+    return np.array([lane.right(stations) + lane.left(stations) for lane in layout.lanes]) / 2
 
 
 def _in_ending_lane(stations: FloatArray, offsets: FloatArray, layout: WorkZoneLayout) -> BoolArray:

@@ -21,12 +21,15 @@ from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.lane_map import LaneMap
 from wzsumo.lidar_mapping.slam_map import SlamMaps
-from wzsumo.planning.lane_route import LaneLine
+from wzsumo.planning.lane_route import STATION_STEP_M, LaneLine
 from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.road import Road
 from wzsumo.scenario.road_before import map_before_of
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
 
+MIDDLE_SD_M = 0.3  # of where vehicles drive from the middle of a mapped lane: one lane beside it that is 1 ft narrower
+PLACE_SD_M = 0.25  # of a driver's place in the lane: the lateral position's, Brookhuis et al. 2003
 MAX_MIXTURE_FIXES = 100_000  # of a longer file every n-th fix is taken; 300 traces of 33 s at 10 Hz; chosen by us
 
 
@@ -194,6 +197,23 @@ def lines_of_lanes(lanes: LaneMap) -> tuple[LaneLine, ...]:
         for first, last in lanes.open_intervals(number)
         if (line := LaneLine(stations=lanes.stations, offsets=lane.middle).between(first, last)) is not None
     )
+
+
+def lines_of_traces(traces: pd.DataFrame, *, axis: Road, shift_m: float, error_m: float) -> tuple[LaneLine, ...]:
+    """The lines of the traces themselves, which show where in a lane vehicles drive; a lane's middle has the weight of 1.
+
+    A lane map has one width for all lanes and stations: where work narrows or moves lanes, vehicles drive beside its middles.
+    `shift_m` is the common error of all positions, `error_m` the standard deviation of a receiver's.
+    """
+    weight = MIDDLE_SD_M**2 / (PLACE_SD_M**2 + error_m**2)
+    lines = []
+    for _, trace in traces.groupby("vehicle_id"):
+        station, offset = axis.to_sd(trace[["x_m", "y_m"]].to_numpy())
+        _, cell, count = np.unique(np.floor(station / STATION_STEP_M), return_inverse=True, return_counts=True)
+        at, aside = (np.bincount(cell, weights=of) / count for of in (station, offset - shift_m))
+        if len(at) > 1:
+            lines.append(LaneLine(stations=at, offsets=aside, weight=weight))
+    return tuple(lines)
 
 
 def lines_of_mixture(mixture: Mixture) -> tuple[LaneLine, ...]:

@@ -17,6 +17,7 @@ from wzsumo.case.map_method import (
     Source,
     TracesMethod,
     lines_of_lanes,
+    lines_of_traces,
 )
 from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
@@ -90,7 +91,11 @@ def _lanes(traces: pd.DataFrame, task: MapTask) -> MadeMap:
     grid = occupancy_grid(made.lanes, task.cells, progress=lambda done, total: task.tell(done / total))
     grid = free_witnessed_ground(grid, traces, reach_m=task.witness_reach_m)
     width = float(np.median([lane.left - lane.right for lane in made.lanes.lanes]))
-    return MadeMap(grid, made.figures, made.lanes, lines=lines_of_lanes(made.lanes), lane_width_m=width)
+    driven = lines_of_traces(
+        traces, axis=made.lanes.axis, shift_m=made.removed_shift_m, error_m=made.figures["receiver_error_m"]
+    )
+    lines = (*lines_of_lanes(made.lanes), *driven)
+    return MadeMap(grid, made.figures, made.lanes, lines=lines, lane_width_m=width)
 
 
 def map_of_before(site: Site) -> OccupancyGrid:

@@ -19,6 +19,7 @@ from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.road import Road
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
+from wzsumo.units import mps_from_mph
 
 # A line on a bend becomes chords between some of its points: how far apart its points are, how far the chords may leave them.
 BEND_POINT_SPACING_M, MAX_CHORD_ERROR_M = 5.0, 0.02
@@ -57,7 +58,8 @@ def lanes_to_goal(made: MadeMap, *, scenario: Scenario, site: Site) -> tuple[Flo
     offsets = np.arange(-road.right_shoulder, road.left_edge, OFFSET_STEP_M)
     route = route_offsets(
         stations, (*nominal, *in_zone), ends=(float(ends[0]), float(ends[1])), offsets=offsets,
-        speed_mps=scenario.planner.planned_speed_mps,
+        # A slower ego changes lanes along with the others, whose speed the zone's tapers are made for.
+        speed_mps=max(scenario.planner.planned_speed_mps, mps_from_mph(scenario.work_zone.posted_speed_mph)),
         blocked=_blocked(made.grid, stations, offsets, road=road, half_width_m=scenario.vehicle.width_m / 2),
     )  # fmt: skip
     return road.to_xy(stations, route), all_lanes

@@ -16,7 +16,7 @@ from wzsumo.lidar_mapping.registration import RegistrationResult, RegistrationSt
 MORE = """\
 A cloud holds x, y, z in metres: an .npy array (n, 3), a .csv table (columns x, y, z, or three unnamed ones) or a .ply file.
 "status" says whether the transform can be trusted: converged, degenerate (the clouds do not determine some directions),
-not_converged, poor_overlap.
+not_converged, poor_overlap. "free_motions" names those directions: translation along x, y, z of the target, then rotation.
 """
 
 
@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "overlap": result.overlap,
         "residual_scale_m": result.scale_m,
         "free_directions": result.free_directions,
+        "free_motions": result.free_motions.tolist(),
         "deviation_m": result.deviation_m.tolist(),
         "register_ms": took_ms,
     }

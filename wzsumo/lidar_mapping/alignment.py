@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numba import njit
 
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.lidar_mapping.patches import Patches, Shape, fit_patches
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
 from wzsumo.rigid import inverse, moved, rigid, rotation_from_vector, vector_from_rotation
@@ -61,7 +61,11 @@ class SurfaceMatcher:
 
     def patches(self, pose: FloatArray, radius: float) -> Patches:
         """See Matcher."""
-        return fit_patches(moved(self.features, pose), self.target, shape=self.shape, radius=radius)
+        return self.patches_at(moved(self.features, pose), radius)
+
+    def patches_at(self, places: FloatArray, radius: float) -> Patches:
+        """The patch that each place (n, 3) [m] in the map's frame is matched to within a radius [m]."""
+        return fit_patches(places, self.target, shape=self.shape, radius=radius)
 
 
 def align(
@@ -118,17 +122,24 @@ def minus(pose: FloatArray, other: FloatArray) -> FloatArray:
     return np.concatenate([between[:3, 3], vector_from_rotation(between[:3, :3])])
 
 
+def weighted_residuals(matcher: Matcher, patches: Patches, pose: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray, float]:
+    """(which features (n,) are matched, offsets (m, 3) [m] of these from their patches, weights (m,), residual scale [m])."""
+    used = patches.dimension > 0
+    if not used.any():
+        return used, np.zeros((0, 3)), np.zeros(0), MIN_RESIDUAL_SCALE_M
+    offset = np.einsum("nij,nj->ni", patches.projector[used], moved(matcher.features[used], pose) - patches.centre[used])
+    size = np.linalg.norm(offset, axis=1)
+    scale = max(float(np.median(size / CHI_MEDIAN[patches.dimension[used]])), MIN_RESIDUAL_SCALE_M)
+    return used, offset, patches.share[used] / scale**2 / (1 + (size / (CAUCHY_TUNING * scale)) ** 2), scale
+
+
 def _normal_equations(fitted: list[tuple[Matcher, Patches]], pose: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """(information (6, 6), gradient (6,), largest residual scale [m]) of the features of all matchers at a pose."""
     information, gradient, largest = np.zeros((6, 6)), np.zeros(6), MIN_RESIDUAL_SCALE_M
     for matcher, patches in fitted:
-        used = patches.dimension > 0
+        used, offset, weight, scale = weighted_residuals(matcher, patches, pose)
         if not used.any():
             continue
-        offset = np.einsum("nij,nj->ni", patches.projector[used], moved(matcher.features[used], pose) - patches.centre[used])
-        size = np.linalg.norm(offset, axis=1)
-        scale = max(float(np.median(size / CHI_MEDIAN[patches.dimension[used]])), MIN_RESIDUAL_SCALE_M)
-        weight = patches.share[used] / scale**2 / (1 + (size / (CAUCHY_TUNING * scale)) ** 2)
         part, part_gradient = np.zeros((6, 6)), np.zeros(6)
         _accumulate(matcher.features[used], pose[:3, :3].copy(), patches.projector[used], offset, weight, part, part_gradient)
         information, gradient, largest = information + part, gradient + part_gradient, max(largest, scale)

@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 
 from wzsumo.errors import CloudError, NoGroundError
 from wzsumo.frames import FloatArray
-from wzsumo.lidar_mapping.alignment import MIN_FEATURES, Fit, SurfaceMatcher, align
+from wzsumo.lidar_mapping.alignment import MIN_FEATURES, Fit, SurfaceMatcher, align, minus
+from wzsumo.lidar_mapping.determined import Determination, determination
 from wzsumo.lidar_mapping.patches import Shape
 from wzsumo.lidar_mapping.smrf import SmrfSpec, ground_mask
 from wzsumo.lidar_mapping.voxel_map import VoxelMap
@@ -24,7 +25,7 @@ LEVELS = (8, 4, 2, 1)  # cube edges of the levels, in edges of the finest one
 GROUND_FINENESS, STANDING_FINENESS = 4.0, 16.0  # cube edge over point spacing of the map's two parts
 SEARCHES = 8  # in each level, at most
 PRIOR_INFORMATION = 1e-6  # of a level's start [1/m^2]: weak, it only keeps free directions where they are
-MAX_DEVIATION_SHARE = 0.01  # of the cloud's radius; a direction with a larger predicted deviation counts as free. Chosen by us
+MAX_DEVIATION_SHARE = 0.003  # of the cloud's radius; a direction with a larger predicted deviation counts as free. Chosen by us
 MIN_OVERLAP = 0.3  # share of the source that must lie near the target; chosen by us
 MIN_SCENE_RADIUS_M = 10.0  # from here on SMRF's cells of 1 m can tell objects from ground; chosen by us
 MAX_CELLS_PER_RADIUS = 100  # of SMRF; in large clouds its cells are coarser than 1 m. Chosen by us
@@ -32,6 +33,7 @@ ELEVATION_THRESHOLD_M = 0.2  # Chen et al. 2022
 MAX_STRAY_RADII = 4  # points farther off are left out of the ground filter; chosen by us
 MAX_CONVINCING_ERROR = 0.2  # of a fit without free directions; beyond it turns about the vertical are tried. Chosen by us
 TURNS = 12  # that are tried; a fit converges from half the step between them, 15 degrees
+MAX_FEATURES = 4000  # of the source's ground, and of its standing points, that are matched in a level; chosen by us
 FOLLOWED_TURNS = 3  # that are followed to the end, the most promising ones; chosen by us
 
 
@@ -51,7 +53,9 @@ class RegistrationResult:
     """The `transform` (4, 4) that takes the source to the target, and how well it is determined.
 
     `scale_m` is the residual scale, `overlap` the share of source points near the target. `deviation_m` (6,) holds predicted
-    standard deviations along the principal directions, rotations as lengths at the cloud's radius.
+    standard deviations along the principal directions, rotations as lengths at the cloud's radius. `free_motions` (k, 6) are
+    the directions that the clouds do not determine, as unit vectors: translation in the target's axes, then the rotation
+    vector about the middle of the source, as lengths at its radius.
     """
 
     transform: FloatArray
@@ -59,7 +63,12 @@ class RegistrationResult:
     scale_m: float
     overlap: float
     deviation_m: FloatArray
-    free_directions: int
+    free_motions: FloatArray
+
+    @property
+    def free_directions(self) -> int:
+        """How many directions the clouds do not determine."""
+        return len(self.free_motions)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,6 +79,7 @@ class _Trial:
     """
 
     fit: Fit
+    known: Determination
     overlap: float
     error: float
 
@@ -102,19 +112,23 @@ def register(source: npt.ArrayLike, target: npt.ArrayLike, *, start: FloatArray 
     telling_tree = cKDTree(target) if len(target) else tree
 
     def followed(guess: FloatArray) -> _Trial:
-        fit = _coarse_to_fine(levels, guess, extent=extent)
+        fit = _coarse_to_fine(levels[1:], guess, extent=extent)
+        known = determination(levels[-1], fit, extent=extent, radius=near)
         away = np.asarray(telling_tree.query(moved(telling, fit.pose), distance_upper_bound=near)[0])
         overlap = np.isfinite(tree.query(moved(sample, fit.pose), distance_upper_bound=near)[0]).mean()
-        return _Trial(fit=fit, overlap=float(overlap), error=float(np.minimum(away / near, 1.0).mean()))
+        return _Trial(fit=fit, known=known, overlap=float(overlap), error=float(np.minimum(away / near, 1.0).mean()))
 
-    trials = [followed(guess) for guess in _guesses(start, centres, unit)]
+    def coarsely(guesses: list[FloatArray]) -> list[FloatArray]:
+        return _distinct([_coarse_to_fine(levels[:1], guess, extent=extent).pose for guess in guesses], near, extent=extent)
+
+    trials = [followed(guess) for guess in coarsely(_guesses(start, centres, unit))]
     best = min(trials, key=lambda trial: trial.error)
-    if start is None and (best.error > MAX_CONVINCING_ERROR or _free_directions(best.fit, extent=extent)):
-        trials += [followed(guess) for guess in _promising_turns(levels[0], centres, unit)]
+    if start is None and best.error > MAX_CONVINCING_ERROR:
+        trials += [followed(guess) for guess in coarsely(_promising_turns(levels[0], centres, unit))]
         best = min(trials, key=lambda trial: trial.error)
     fit = best.fit
     pose = rigid(fit.pose[:3, :3], fit.pose[:3, 3] * unit + centres[1] - fit.pose[:3, :3] @ centres[0])
-    return _judged(fit, pose, overlap=best.overlap, extent=extent, unit=unit)
+    return _judged(best, pose, extent=extent, unit=unit)
 
 
 def compile_kernels() -> None:
@@ -175,7 +189,9 @@ def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float
             cube = factor * near
             held = VoxelMap(cube=cube, spacing=cube / fineness)
             held.insert(others)
-            matchers.append(SurfaceMatcher(features=_thinned(points, cube / fineness), target=held, shape=shape))
+            features = _thinned(points, cube / fineness)
+            features = features[:: 1 + len(features) // MAX_FEATURES]
+            matchers.append(SurfaceMatcher(features=features, target=held, shape=shape))
         levels.append(tuple(matchers))
     return levels
 
@@ -209,38 +225,32 @@ def _thinned(points: FloatArray, spacing: float) -> FloatArray:
     return kept.points
 
 
-def _judged(fit: Fit, transform: FloatArray, *, overlap: float, extent: float, unit: float) -> RegistrationResult:
-    """The result in metres, with the status that the fit deserves."""
-    deviation, free = _deviation(fit, extent=extent), _free_directions(fit, extent=extent)
+def _distinct(poses: list[FloatArray], near: float, *, extent: float) -> list[FloatArray]:
+    """The poses (4, 4) without those that put the cloud where one before them puts it."""
+    kept: list[FloatArray] = []
+    for pose in poses:
+        apart = [minus(pose, other) * ([1.0] * 3 + [extent] * 3) for other in kept]
+        if all(np.linalg.norm(each) > near for each in apart):
+            kept.append(pose)
+    return kept
+
+
+def _judged(trial: _Trial, transform: FloatArray, *, extent: float, unit: float) -> RegistrationResult:
+    """The result in metres, with the status that the trial deserves."""
+    fit, free = trial.fit, trial.known.free(above=MAX_DEVIATION_SHARE * extent)
     status = RegistrationStatus.CONVERGED
     if fit.used < MIN_FEATURES:
         status = RegistrationStatus.TOO_FEW_FEATURES
-    elif overlap < MIN_OVERLAP:
+    elif trial.overlap < MIN_OVERLAP:
         status = RegistrationStatus.POOR_OVERLAP
-    elif free:
+    elif len(free):
         status = RegistrationStatus.DEGENERATE
     elif not fit.converged:
         status = RegistrationStatus.NOT_CONVERGED
     return RegistrationResult(
-        transform=transform,
-        status=status,
-        scale_m=fit.scale * unit,
-        overlap=overlap,
-        deviation_m=deviation * unit,
-        free_directions=free,
-    )
-
-
-def _deviation(fit: Fit, *, extent: float) -> FloatArray:
-    """Predicted standard deviations (6,) along the principal directions, rotations as lengths at the radius `extent`."""
-    lever = np.diag([1.0] * 3 + [1 / extent] * 3)
-    values = np.linalg.eigvalsh(lever @ fit.information @ lever)
-    return np.asarray(1 / np.sqrt(np.maximum(values[::-1], 1e-12)))
-
-
-def _free_directions(fit: Fit, *, extent: float) -> int:
-    """How many principal directions the clouds do not determine."""
-    return int((_deviation(fit, extent=extent) > MAX_DEVIATION_SHARE * extent).sum())
+        transform=transform, status=status, scale_m=fit.scale * unit, overlap=trial.overlap,
+        deviation_m=trial.known.deviation * unit, free_motions=free,
+    )  # fmt: skip
 
 
 def _identity() -> RegistrationResult:
@@ -251,5 +261,5 @@ def _identity() -> RegistrationResult:
         scale_m=0.0,
         overlap=1.0,
         deviation_m=np.full(6, np.inf),
-        free_directions=6,
+        free_motions=np.eye(6),
     )

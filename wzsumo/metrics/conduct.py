@@ -62,7 +62,8 @@ class Conduct:
     unprompted_stop_s: float  # how long they lasted in all
     over_comfort_s: float  # time of braking harder than comfortable
     braking_unprompted_mps2: float  # hardest braking of the ego but where another one's emergency called for it
-    braking_behind_mps2: float  # hardest braking of the vehicle right behind the ego on its path
+    braking_behind_mps2: float  # hardest braking of the vehicle right behind the ego on its path; told, no limit
+    braking_asked_behind_mps2: float  # the part of it that the ego asked for, see `PathNeighbours`
     min_time_gap_s: float  # least post-encroachment time behind a vehicle that did not just come before the ego; inf: none
     min_ttc_ahead_s: float  # least time to collision with another ahead, but for the same
     max_jerk_1s_mps3: float  # change of the acceleration over 1 s
@@ -95,6 +96,9 @@ def measure_conduct(
         over_comfort_s=float((acceleration < -limits.comfortable_braking_mps2).sum() * step),
         braking_unprompted_mps2=float(max(-own.min(), 0.0)) if len(own) else 0.0,
         braking_behind_mps2=others.hardest_braking_behind_mps2,
+        braking_asked_behind_mps2=others.hardest_braking_asked_mps2(
+            safe_mps2=limits.max_braking_behind_mps2, comfortable_mps2=limits.comfortable_braking_mps2
+        ),
         min_time_gap_s=others.min_time_gap_s,
         min_ttc_ahead_s=others.min_ttc_ahead_s,
         max_jerk_1s_mps3=float(jerk.max()),
@@ -114,9 +118,9 @@ def faults_of(outcome: Outcome, conduct: Conduct, clearance: Clearance, *, limit
         ),
         (conduct.braking_unprompted_mps2, limits.max_braking_mps2, f"braked {conduct.braking_unprompted_mps2:.1f} m/s2"),
         (
-            conduct.braking_behind_mps2,
+            conduct.braking_asked_behind_mps2,
             limits.max_braking_behind_mps2,
-            f"the one behind braked {conduct.braking_behind_mps2:.1f} m/s2",
+            f"the one behind had to brake {conduct.braking_asked_behind_mps2:.1f} m/s2",
         ),
         (
             conduct.over_jerk_s,

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from wzsumo.ego import EgoRun
-from wzsumo.frames import BoolArray, FloatArray, advance
+from wzsumo.frames import BoolArray, FloatArray, IntArray, advance
 from wzsumo.metrics.drive import CLOCK_S, mean_change, on_clock
 from wzsumo.road import Road
 from wzsumo.vehicle import VehicleGeometry
@@ -27,11 +28,24 @@ class PathNeighbours:
     time_gap_ahead: FloatArray  # s, to one that has been ahead for CUT_IN_RECOVERY_S; so for the next
     ttc_ahead: FloatArray  # s, time to collision
     braking_behind: FloatArray  # m/s2
+    needed_behind: FloatArray  # m/s2 by which the one behind had to brake when it came to be behind the ego
+    own_braking: FloatArray  # m/s2, of the ego
 
     @property
     def hardest_braking_behind_mps2(self) -> float:
         """Hardest braking of the vehicle right behind; 0 where there was none."""
         return float(np.nanmax(np.append(self.braking_behind, 0.0)))
+
+    def hardest_braking_asked_mps2(self, *, safe_mps2: float, comfortable_mps2: float) -> float:
+        """Hardest braking of the vehicle right behind that the ego asked of it; 0 where there was none.
+
+        It asked for it where it came before the other with less room than for braking with `safe_mps2`, or itself braked
+        harder than `comfortable_mps2` within EMERGENCY_HOLDS_S before. Who has had room and brakes late does so by choice.
+        """
+        braked = np.where(self.own_braking > comfortable_mps2, self.time, -np.inf)
+        lately = self.time - np.maximum.accumulate(braked) <= EMERGENCY_HOLDS_S if len(self.time) else np.empty(0, dtype=bool)
+        asked = self.braking_behind[lately | (self.needed_behind > safe_mps2)]
+        return float(np.nanmax(np.append(asked, 0.0)))
 
     @property
     def min_time_gap_s(self) -> float:
@@ -68,7 +82,8 @@ def neighbours_on_path(run: EgoRun, vehicle: VehicleGeometry, *, road: Road) -> 
     n = len(ticks)
     gap_ahead, gap_behind = np.full(n, np.inf), np.full(n, np.inf)
     speed_ahead, braking_ahead, needed_ahead, braking_behind = (np.full(n, np.nan) for _ in range(4))
-    id_ahead = np.full(n, "", dtype=object)
+    speed_behind = np.full(n, np.nan)
+    id_ahead, id_behind = np.full(n, "", dtype=object), np.full(n, "", dtype=object)
     speeds = log["speed_mps"].to_numpy(dtype=float)
     for name, trace in run.traffic.groupby("vehicle_id"):
         at = np.array([rows.get(tick, -1) for tick in np.round(trace["time_s"].to_numpy() / CLOCK_S).astype(int)])
@@ -85,17 +100,25 @@ def neighbours_on_path(run: EgoRun, vehicle: VehicleGeometry, *, road: Road) -> 
                 gap_ahead[row], speed_ahead[row], braking_ahead[row] = gap, speed[which], braking[which]
                 id_ahead[row] = name
             elif along[which] <= 0 and gap < gap_behind[row]:
-                gap_behind[row], braking_behind[row] = gap, braking[which]
+                gap_behind[row], braking_behind[row], speed_behind[row] = gap, braking[which], speed[which]
+                id_behind[row] = name
     came = np.append(False, (id_ahead[1:] != id_ahead[:-1]) & np.isfinite(gap_ahead[1:]) & (gap_ahead[1:] < gap_ahead[:-1]))
-    changed = np.append(True, id_ahead[1:] != id_ahead[:-1])
-    since = np.maximum.accumulate(np.where(changed, np.arange(n), 0))
+    since = _first_of_run(id_ahead)
     settled = np.isfinite(gap_ahead) & (np.arange(n) - since >= CUT_IN_RECOVERY_S / CLOCK_S)
     closing = np.maximum(speeds - speed_ahead, 0.0)
     needed_ahead[came] = (closing**2 / (2 * np.maximum(gap_ahead, 0.1)))[came]
+    needed_behind = np.maximum(speed_behind - speeds, 0.0) ** 2 / (2 * np.maximum(gap_behind, 0.1))
     gap = np.maximum(gap_ahead, 0.0)
     return PathNeighbours(
         time_gap_ahead=np.where(settled, gap / np.maximum(speeds, 1e-6), np.nan),
         ttc_ahead=np.where(settled & (closing > 0), gap / np.maximum(closing, 1e-6), np.nan),
         time=ticks * CLOCK_S, gap_ahead=gap_ahead, speed_ahead=speed_ahead, braking_ahead=braking_ahead,
-        needed_ahead=needed_ahead, braking_behind=braking_behind,
+        needed_ahead=needed_ahead, braking_behind=braking_behind, needed_behind=needed_behind[_first_of_run(id_behind)],
+        own_braking=-mean_change(speeds, window=BRAKING_WINDOW) / CLOCK_S,
     )  # fmt: skip
+
+
+def _first_of_run(names: npt.NDArray[np.object_]) -> IntArray:
+    """For each row (n,) the first row of the run of equal names that it belongs to."""
+    changed = np.append(True, names[1:] != names[:-1])[: len(names)]
+    return np.asarray(np.maximum.accumulate(np.where(changed, np.arange(len(names)), 0)))

@@ -96,7 +96,7 @@ def conduct_rows(methods: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str
             "verdict": "clean" if method.get("clean") else str(method.get("faults")),
             "stops": f"{conduct['n_unprompted_stops']} of {conduct['n_stops']}",
             "braking": f"{conduct['braking_unprompted_mps2']:.1f} m/s²",
-            "behind": f"{conduct['braking_behind_mps2']:.1f} m/s²",
+            "behind": f"{conduct['braking_asked_behind_mps2']:.1f} m/s²",
             "jerk": f"{conduct['max_jerk_1s_mps3']:.1f} m/s³",
             "over_line": percent(conduct["over_line_share"], decimals=1),
             "off_middle": f"{conduct['mean_off_middle_m']:.2f} ± {conduct['sd_off_middle_m']:.2f} m",

@@ -93,6 +93,7 @@ MEASURED_COLUMNS = {
     "driven_over_comfort_s": _number("s", "drive: time of braking harder than 2 m/s2"),
     "driven_braking_unprompted_mps2": _number("m/s2", "drive: hardest braking that no emergency of another vehicle called for"),
     "driven_braking_behind_mps2": _number("m/s2", "drive: hardest braking of the vehicle right behind the ego"),
+    "driven_braking_asked_behind_mps2": _number("m/s2", "drive: hardest braking of that vehicle that the ego asked for"),
     "driven_min_time_gap_s": _number("s", "drive: least time gap behind another that had been ahead for 5 s"),
     "driven_min_ttc_ahead_s": _number("s", "drive: least time to collision with another that had been ahead for 5 s"),
     "driven_max_jerk_1s_mps3": _number("m/s3", "drive: largest change of the acceleration over a second"),

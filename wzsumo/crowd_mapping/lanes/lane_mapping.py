@@ -33,6 +33,7 @@ class MappedLanes:
 
     lanes: LaneMap
     figures: dict[str, Any]
+    removed_shift_m: float  # the common error of all positions, which the lanes are free of
 
 
 def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> MappedLanes:
@@ -79,7 +80,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
         "branches": len(branches),
         "warnings": list(warnings),
     }
-    return MappedLanes(lanes=lane_map, figures=figures)
+    return MappedLanes(lanes=lane_map, figures=figures, removed_shift_m=removed)
 
 
 def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit, list[str]]:
