@@ -5,7 +5,14 @@ import pytest
 from crowd_mapping.lanes.fits import always_in, fit_of, seen
 
 from wzsumo.announced_zone import AnnouncedZone
-from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closures, p_open_strips, slow_stretches
+from wzsumo.crowd_mapping.lanes.closures import (
+    Closure,
+    ClosurePrior,
+    fit_closures,
+    log_closing,
+    p_open_strips,
+    slow_stretches,
+)
 from wzsumo.frames import FloatArray
 
 STATIONS = np.arange(600, dtype=np.float64)
@@ -18,7 +25,7 @@ def strips(*, outer_left: bool, p_closed: float = 1.0) -> FloatArray:
     interval = np.zeros((600, 600))
     interval[E, B] = 1.0
     closure = Closure(p_closed=p_closed, interval=interval)
-    return p_open_strips(closure, STATIONS, outer_left=outer_left, taper_m=L, strips=STRIPS)
+    return p_open_strips([closure], STATIONS, outer_left=outer_left, taper_m=L, strips=STRIPS)
 
 
 def test_taper_closes_the_strips_from_the_outer_line_to_the_inner_one() -> None:
@@ -84,7 +91,7 @@ def test_announcement_that_names_lanes_makes_these_likely_to_be_closed_and_the_o
 def test_ordinary_road_with_drivers_in_both_lanes_has_no_closure() -> None:
     fit = fit_of(always_in([0, 0, 0, 1, 1, 1], n_stations=50))
     _, closures = fit_closures(fit, seen(np.array([0, 0, 0, 3.6, 3.6, 3.6])[:, None] * np.ones(50)), prior_of())
-    assert [closure.p_closed < 0.01 for closure in closures] == [True, True]
+    assert [[closure.p_closed < 0.01 for closure in of_lane] for of_lane in closures] == [[True], [True]]
 
 
 def test_lane_that_six_leave_ahead_of_the_announced_zone_is_closed_in_it() -> None:
@@ -92,7 +99,9 @@ def test_lane_that_six_leave_ahead_of_the_announced_zone_is_closed_in_it() -> No
     in_lane[:6, :18] = [0.0, 1.0]
     in_lane[:6, 36:] = [0.0, 1.0]
     offset = 3.6 * in_lane[:, :, 1]
-    _, closures = fit_closures(fit_of(in_lane), seen(offset), prior_of(start_sd_m=50.0, end_sd_m=50.0))
+    _, of_lanes = fit_closures(fit_of(in_lane), seen(offset), prior_of(start_sd_m=50.0, end_sd_m=50.0))
+    closures = [of_lane[0] for of_lane in of_lanes]
+    assert [len(of_lane) for of_lane in of_lanes] == [1, 1]
     assert closures[1].p_closed > 0.95
     assert closures[0].p_closed < 0.05
     begin, end = (
@@ -101,3 +110,30 @@ def test_lane_that_six_leave_ahead_of_the_announced_zone_is_closed_in_it() -> No
     )
     assert 350 < begin < 480
     assert 640 < end < 740
+
+
+def test_two_work_areas_in_one_lane_are_two_closures() -> None:
+    """The crowd leaves the lane ahead of 400 m and of 1,200 m, and comes back at 600 m and 1,400 m."""
+    in_lane = always_in([0] * 40, n_stations=90)
+    stations = np.arange(90)
+    for i in range(20):
+        inside = ((stations >= 18 - i % 3) & (stations <= 31 + i % 3)) | ((stations >= 58 - i % 3) & (stations <= 71 + i % 3))
+        in_lane[i] = np.where(inside[:, None], [1.0, 0.0], [0.0, 1.0])
+    fit = fit_of(in_lane)
+    _, closures = fit_closures(fit, seen(3.6 * in_lane[:, :, 1]), prior_of())
+    assert [len(of_lane) for of_lane in closures] == [1, 2]
+    p_open = p_open_strips(closures[1], np.arange(0.0, 1800.0, 20.0), outer_left=True, taper_m=1.0, strips=1)[:, 0]
+    assert p_open[[10, 45, 85]].min() > 0.9
+    assert p_open[[25, 65]].max() < 0.1
+
+
+def test_lane_that_vehicles_leave_outwards_is_no_likelier_for_it() -> None:
+    """As on the way to an exit: in the outer lane for 200 m, then beside the road. A lane that closes is left inwards."""
+    outwards = always_in([1] * 30, n_stations=60, n_lanes=2)
+    outwards[:15, 40:50] = [1.0, 0.0]
+    outwards[:15, 50:] = 0.0
+    inwards = always_in([1] * 30, n_stations=60, n_lanes=2)
+    inwards[:15, :40] = [1.0, 0.0]
+    sights = [seen(3.6 * in_lane[:, :, 1]) for in_lane in (outwards, inwards)]
+    assert log_closing(fit_of(outwards), sights[0]) < 1.0
+    assert log_closing(fit_of(inwards), sights[1]) > 10.0

@@ -59,3 +59,12 @@ def test_lane_that_all_its_users_leave_within_some_hundred_metres_is_a_lane() ->
     made = map_lanes(table.assign(y_m=table["y_m"] - np.where(number >= 26, leaves * LANE_M, 0.0)))
     assert made.figures["lanes"] == 2
     assert made.lanes.closed_intervals(1)
+
+
+def test_lane_that_poor_receivers_may_make_up_is_in_doubt() -> None:
+    """Four of eight poor receivers err to the left by a lane's width: the lane may be there, and is not said to be free."""
+    good, poor = crowd([0.0, LANE_M] * 11), crowd([0.0] * 4 + [2 * LANE_M] * 4, poor=True, seed=11)
+    poor["vehicle_id"] = "p" + poor["vehicle_id"]
+    made = map_lanes(pd.concat([good, poor], ignore_index=True))
+    assert all(lane.p_open_middle.max() < 0.8 for lane in made.lanes.lanes[2:])
+    assert all(lane.p_open_middle.min() > 0.8 for lane in made.lanes.lanes[:2])

@@ -36,23 +36,34 @@ FIRST_SEEMING_FACTOR = 50.0
 
 
 def interval_evidence(
-    in_lane: FloatArray, seen: BoolArray, *, visibility: FloatArray, seeming: FloatArray, spacing: float, changes_per_m: float
+    in_lane: FloatArray,
+    seen: BoolArray,
+    *,
+    visibility: FloatArray,
+    seeming: FloatArray,
+    spacing: float,
+    changes_per_m: float,
+    left_to: FloatArray | None = None,
 ) -> FloatArray:
     """Log LR (stations, stations) of closed on [e, b] against open, -inf where b < e.
 
     `in_lane` (traces, stations) is the chance of being in the lane, `visibility` (traces,) v, `seeming` (traces, stations) rho.
+    With `left_to` (traces, stations), the chance of being in lanes that vehicles leave this one to, only such changes count for
+    a closure, and neither who enters nor that nobody drives there.
     """
+    to = in_lane if left_to is None else left_to
     return np.asarray(
         _interval_evidence(
-            in_lane, seen, visibility, seeming, spacing, changes_per_m, MERGE_LENGTH_M, np.log(FIRST_SEEMING_FACTOR)
+            in_lane, seen, visibility, seeming, spacing, changes_per_m, MERGE_LENGTH_M, np.log(FIRST_SEEMING_FACTOR),
+            to, left_to is None,
         )
-    )
+    )  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True)
 def _interval_evidence(  # noqa: C901 - sums over traces for each pair of stations, with its arrays at hand
     in_lane: FloatArray, seen: BoolArray, visibility: FloatArray, seeming: FloatArray, spacing: float, rate: float,
-    merge_length: float, first_user: float,
+    merge_length: float, first_user: float, left_to: FloatArray, counts: bool,
 ) -> FloatArray:  # fmt: skip
     """See `interval_evidence`."""
     n, m = in_lane.shape
@@ -75,8 +86,9 @@ def _interval_evidence(  # noqa: C901 - sums over traces for each pair of statio
         for t in range(m - 1):
             if seen[i, t] and seen[i, t + 1]:
                 step = in_lane[i, t + 1] - in_lane[i, t]
+                gone = min(max(-step, 0.0), max(left_to[i, t + 1] - left_to[i, t], 0.0)) if not counts else max(-step, 0.0)
                 for at in range(t + 1, min(t + 1 + reach, m)):
-                    left[i, at] += max(-step, 0.0)
+                    left[i, at] += gone
                 for at in range(max(t - reach, 0), t + 1):
                     entered[i, at] += max(step, 0.0)
     for e in range(m):
@@ -93,13 +105,14 @@ def _interval_evidence(  # noqa: C901 - sums over traces for each pair of statio
                 if seeming[i, b] > rho and in_lane[i, b] > 0.5:
                     rho = seeming[i, b]
                 users[b] += visibility[i] * most
-                again = 1 + min(entered[i, b], 1.0) * max(ratio - 1, 0.0)
+                again = 1 + min(entered[i, b], 1.0) * max(ratio - 1, 0.0) if counts else 1.0
                 result[e, b] += visibility[i] * np.log((1 - most) * bonus * again + most * max(rho, least) + 1e-12)
         for b in range(e, m):
             e_in = beside[b + 1] - beside[e]
             e_out = beside[m] - e_in
             u = entries[e] + entries[m] - entries[min(b + 1 + reach, m)]
-            result[e, b] += (1 + u) * np.log(1 + e_in / (first + e_out)) + first_user * min(users[b], 1.0)
+            absence = (1 + u) * np.log(1 + e_in / (first + e_out)) if counts else 0.0
+            result[e, b] += absence + first_user * min(users[b], 1.0)
     return result
 
 

@@ -8,6 +8,7 @@ from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.crowd_mapping.lanes.closure_evidence import (
     DOWNSTREAM_TAPER_M,
     FIRST_SEEMING_FACTOR,
+    SHORTEST_CLOSURE_M,
     TAPER_LENGTHS,
     USABLE_TAPER_SHARE,
     interval_evidence,
@@ -35,7 +36,7 @@ LEAST_LOG_ODDS = -15.0  # of a closure that is worth a further fit
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Closure:
-    """What is known of one lane: `p_closed`, and given that it is closed the probabilities (stations, stations) of [e, b]."""
+    """One closure of a lane: `p_closed`, and given that it is closed the probabilities (stations, stations) of [e, b]."""
 
     p_closed: float
     interval: FloatArray
@@ -45,9 +46,9 @@ class Closure:
 class ClosurePrior:
     """What is known beforehand: the announcement, the manual's taper length [m], shoulders (right, left) [lane widths]."""
 
-    announced: AnnouncedZone | None
-    taper_m: float
-    shoulders: tuple[float, float]
+    announced: AnnouncedZone | None = None
+    taper_m: float = 0.0
+    shoulders: tuple[float, float] = (0.0, 0.0)
 
     def log_odds(self, lane: int) -> float:
         """Of a lane that is closed somewhere."""
@@ -57,13 +58,13 @@ class ClosurePrior:
         return float(np.log(p / (1 - p)))
 
 
-def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[LaneFit, list[Closure]]:
-    """The closures of all lanes, and the fit that knows of them.
+def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[LaneFit, list[list[Closure]]]:
+    """The closures of each lane, and the fit that knows of them: one, the announced where one is, and those likely beside it.
 
     Where some traces seem to drive in a lane that others avoid, the traces are fitted again with that lane closed: they may be
     of receivers that err by a lane.
     """
-    closures = []
+    first = []
     for lane in range(fit.setting.n_lanes):
         closure, log_odds = _as_seen(lane, fit, observations, prior)
         good, _ = _evidence(lane, fit, observations, prior, witness=np.where(fit.sigma < MIN_DOUBTFUL_SIGMA_M, 1.0, 0.0))
@@ -72,19 +73,65 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
             log_odds = max(log_odds, doubted_log_odds)
             if log_odds > 0:
                 fit, closure = closed, doubted
-        p_closed = float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50))))
-        closures.append(Closure(p_closed=p_closed, interval=closure))
-    return fit, closures
+        first.append(_closure(closure, log_odds))
+    return fit, [_with_others(lane, closure, fit, observations) for lane, closure in enumerate(first)]
+
+
+def _with_others(lane: int, closure: Closure, fit: LaneFit, observations: Observations) -> list[Closure]:
+    """A closure, and others of its lane, each where the others are not."""
+    others = _beside(lane, closure, slice(0, len(observations.stations)), fit, observations)
+    interval = closure.interval.copy()
+    for other in others:
+        first, last = _likeliest(other.interval)
+        interval[: last + 1, first:] = 0.0  # e <= last and b >= first: both overlap
+    return [Closure(p_closed=closure.p_closed, interval=interval / max(interval.sum(), 1e-300)), *others]
+
+
+def _closure(interval: FloatArray, log_odds: float) -> Closure:
+    return Closure(p_closed=float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50)))), interval=interval)
+
+
+def _beside(lane: int, closure: Closure, within: slice, fit: LaneFit, observations: Observations) -> list[Closure]:
+    """Closures that are likelier than not, nothing being announced, ahead of one that is and behind it, `within` stations."""
+    if closure.p_closed <= 0.5:
+        return []
+    unannounced, found = ClosurePrior(), []
+    e, b = _likeliest(closure.interval)
+    for part in (slice(within.start, e), slice(b + 1, within.stop)):
+        if (part.stop - part.start) * observations.spacing > SHORTEST_CLOSURE_M:
+            interval, log_ratio = _evidence(lane, fit, observations, unannounced, part=part)
+            other = _closure(interval, unannounced.log_odds(lane) + log_ratio)
+            if other.p_closed > 0.5:
+                found += [other, *_beside(lane, other, part, fit, observations)]
+    return found
 
 
 def log_closing(fit: LaneFit, observations: Observations) -> float:
     """Log of how much likelier traces are where each lane may be closed somewhere, nothing being announced.
 
-    A chain of lanes prices each vehicle that leaves a closed lane as a lane change of its own.
+    A chain of lanes prices each vehicle that leaves a closed lane as a lane change of its own. What it knows already does not
+    count again: how seldom a lane is entered. Nor do changes to lanes farther out, as on the way to an exit.
     """
-    nothing = ClosurePrior(announced=None, taper_m=0.0, shoulders=(0.0, 0.0))
-    ratios = np.array([_evidence(lane, fit, observations, nothing)[1] for lane in range(fit.setting.n_lanes)])
+    driven = lanes_driven(fit, observations)
+    ratios = np.array(
+        [
+            _evidence(
+                lane,
+                fit,
+                observations,
+                ClosurePrior(),
+                left_to=driven[:, :, _lanes_inside(lane, fit.setting.n_lanes)].sum(axis=2),
+            )[1]
+            for lane in range(fit.setting.n_lanes)
+        ]
+    )
     return float(np.logaddexp(np.log(1 - P_CLOSED), np.log(P_CLOSED) + ratios).sum())
+
+
+def _lanes_inside(lane: int, n_lanes: int) -> list[int]:
+    """The neighbours of a lane that are no farther from the middle of the road than it is."""
+    centre = (n_lanes - 1) / 2
+    return [k for k in (lane - 1, lane + 1) if 0 <= k < n_lanes and abs(k - centre) <= max(abs(lane - centre), 1.0)]
 
 
 def _as_seen(lane: int, fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[FloatArray, float]:
@@ -138,29 +185,39 @@ def _likeliest(interval: FloatArray) -> tuple[int, int]:
 
 
 def _evidence(
-    lane: int, fit: LaneFit, observations: Observations, prior: ClosurePrior, *, witness: FloatArray | float = 1.0
+    lane: int,
+    fit: LaneFit,
+    observations: Observations,
+    prior: ClosurePrior,
+    *,
+    witness: FloatArray | float = 1.0,
+    left_to: FloatArray | None = None,
+    part: slice = slice(None),
 ) -> tuple[FloatArray, float]:
     """(posterior (stations, stations) of [e, b] given that the lane is closed, log of the evidence for closed against open).
 
-    `witness` (traces,) is the weight of each trace.
+    `witness` (traces,) is the weight of each trace; `part` are the stations within which the lane may be closed.
     """
     evidence = interval_evidence(
-        lanes_driven(fit, observations)[:, :, lane],
-        observations.eta > 0,
+        lanes_driven(fit, observations)[:, part, lane],
+        observations.eta[:, part] > 0,
         visibility=witness * (1 - fit.stray) / (1 + (2 * fit.sigma / fit.course.width) ** 2),
-        seeming=np.where(slow_stretches(observations), SEEMING_SHARE_OF_SLOW, SEEMING_SHARE),
+        seeming=np.where(slow_stretches(observations)[:, part], SEEMING_SHARE_OF_SLOW, SEEMING_SHARE),
         spacing=observations.spacing,
         changes_per_m=_lane_changes_per_m(fit, observations),
+        left_to=left_to,
     )
     n_lanes = fit.setting.n_lanes
     chances = interval_prior(
-        observations.stations, lane, n_lanes, announced=prior.announced, taper_m=prior.taper_m,
+        observations.stations[part], lane, n_lanes, announced=prior.announced, taper_m=prior.taper_m,
         shoulder=prior.shoulders[2 * lane > n_lanes - 1],
     )  # fmt: skip
     log_joint = np.where(chances > 0, evidence + np.log(np.maximum(chances, 1e-300)), -np.inf)
     best = log_joint.max()
     joint = np.exp(log_joint - best)
-    return joint / joint.sum(), float(best + np.log(joint.sum()))
+    interval = np.zeros((len(observations.stations),) * 2)
+    interval[part, part] = joint / joint.sum()
+    return interval, float(best + np.log(joint.sum()))
 
 
 def _lane_changes_per_m(fit: LaneFit, observations: Observations) -> float:
@@ -185,7 +242,9 @@ def slow_stretches(observations: Observations) -> BoolArray:
     return slow & (lost_s >= MIN_SLOW_S)[:, None]
 
 
-def p_open_strips(closure: Closure, stations: FloatArray, *, outer_left: bool, taper_m: float, strips: int) -> FloatArray:
+def p_open_strips(
+    closures: list[Closure], stations: FloatArray, *, outer_left: bool, taper_m: float, strips: int
+) -> FloatArray:
     """Probability (stations, strips) that each strip of the lane is open, from its right line to its left one.
 
     A taper closes the strips from the outer line, the left one where `outer_left`, to the inner one, and ends where half a
@@ -193,14 +252,22 @@ def p_open_strips(closure: Closure, stations: FloatArray, *, outer_left: bool, t
     """
     across = (np.arange(strips) + 0.5) / strips
     inner = across if outer_left else 1 - across  # distance from the inner line [lane widths]
+    p_open = np.ones((len(stations), strips))
+    for closure in closures:
+        p_open *= 1 - closure.p_closed * _closed_strips(closure.interval, stations, inner, taper_m=taper_m)
+    return np.clip(p_open, 0.0, 1.0)
+
+
+def _closed_strips(interval: FloatArray, stations: FloatArray, inner: FloatArray, *, taper_m: float) -> FloatArray:
+    """Chance (stations, strips) that a strip is closed if the lane is; `inner` (strips,) [lane widths] from the inner line."""
     n = len(stations)
     cumulated = np.zeros((n + 1, n + 1))
-    cumulated[1:, 1:] = closure.interval.cumsum(axis=0).cumsum(axis=1)
-    closed = np.zeros((n, strips))
+    cumulated[1:, 1:] = interval.cumsum(axis=0).cumsum(axis=1)
+    closed = np.zeros((n, len(inner)))
     for length, p_length in TAPER_LENGTHS:
         for strip, distance in enumerate(inner):
             # Strip closes at e + ((1 - distance) - USABLE_TAPER_SHARE) L, opens at b + distance times the downstream taper.
             begun = np.searchsorted(stations + (1 - distance - USABLE_TAPER_SHARE) * length * taper_m, stations, side="right")
             ended = np.searchsorted(stations + distance * DOWNSTREAM_TAPER_M, stations, side="right")
             closed[:, strip] += p_length * (cumulated[begun, n] - cumulated[begun, ended])
-    return np.clip(1 - closure.p_closed * closed, 0.0, 1.0)
+    return closed

@@ -23,8 +23,12 @@ FITTED = 2  # numbers of lanes, the likeliest after rough fits, that are fitted 
 HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is made
 
 
-def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> LaneFit:
-    """The likeliest fit over the numbers of lanes; without `off_lane` no vehicle is beside them."""
+def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> tuple[LaneFit, FloatArray]:
+    """(the likeliest fit over the numbers of lanes, probability (lanes,) that each of its lanes is there).
+
+    A lane is there by the probability of the numbers of lanes that have one in its place, of those that are fitted in full.
+    Without `off_lane` no vehicle is beside the lanes.
+    """
     everyone = receivers_of(observations)
     rough = [
         fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone, rounds=SCOUT_ROUNDS, roughly=True)
@@ -32,7 +36,19 @@ def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> Lane
     ]
     likeliest = np.argsort(-_with_closures(rough, observations), kind="stable")[:FITTED]
     fits = [fit_lanes(observations, rough[i].setting, course=rough[i].course.offset, receivers=everyone) for i in likeliest]
-    return fits[int(np.argmax(_with_closures(fits, observations)))]
+    score = _with_closures(fits, observations)
+    best = int(np.argmax(score))
+    p = np.exp(score - score[best])
+    return fits[best], np.minimum(
+        sum(one * _has_lanes_of(fits[best], fit) for one, fit in zip(p / p.sum(), fits, strict=True)), 1.0
+    )
+
+
+def _has_lanes_of(fit: LaneFit, other: LaneFit) -> FloatArray:
+    """1 for each lane (lanes,) of `fit` in whose place `other` has one, else 0."""
+    middles = [one.course.offset[:, None] + one.course.width * np.arange(one.setting.n_lanes) for one in (fit, other)]
+    apart = np.median(np.abs(middles[0][:, :, None] - middles[1][:, None, :]), axis=0)
+    return np.where(apart.min(axis=1) < fit.course.width / 2, 1.0, 0.0)
 
 
 def _with_closures(fits: list[LaneFit], observations: Observations) -> FloatArray:

@@ -17,6 +17,7 @@ from wzsumo.crowd_mapping.lanes.road_fit import fit_to_road
 from wzsumo.crowd_mapping.lanes.witnesses import open_where_driven, share_of_fixes
 from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
+from wzsumo.frames import FloatArray
 from wzsumo.lane_map import LaneMap, MappedLane
 from wzsumo.tapers import merging_taper_m
 
@@ -44,12 +45,12 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
     """
     axis = before.road if before else reference_line_from_traces(traces)
     observations = observe(traces, axis)
-    fit, unexplained = _fit(observations, before)
+    fit, there, unexplained = _fit(observations, before)
     prior = _closure_prior(traces, before, width=fit.course.width)
     fit, closures = fit_closures(fit, observations, prior)
     slow = slow_stretches(observations)
     removed = fit.course.shift if before and abs(fit.course.shift) < ROAD_OFF_M else 0.0
-    lanes = _mapped_lanes(fit, closures, observations, removed_shift=removed, taper_m=prior.taper_m)
+    lanes = _mapped_lanes(fit, there, closures, observations, removed_shift=removed, taper_m=prior.taper_m)
     lanes, overruled = open_where_driven(lanes, fit, observations, slow=slow)
     branches = find_branches(fit, observations, slow=slow, removed_shift=removed, width=BRANCH_WIDTH_SHARE * fit.course.width)
     on_free, on_occupied = share_of_fixes(lanes, fit, observations)
@@ -73,7 +74,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
         "common_shift_m": fit.course.shift if before else None,
         "common_shift_sd_m": fit.course.shift_sd if before else None,
         "receiver_error_m": float(np.median(fit.sigma)),
-        "p_closed": [closure.p_closed for closure in closures],
+        "p_closed": [of_lane[0].p_closed for of_lane in closures],
         "fixes_on_free_share": on_free,
         "fixes_on_occupied_share": on_occupied,
         "odd_traces": odd,
@@ -83,19 +84,25 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
     return MappedLanes(lanes=lane_map, figures=figures, removed_shift_m=removed)
 
 
-def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit, list[str]]:
-    """(fit, what is said where lanes do not explain the drives).
+def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit, FloatArray, list[str]]:
+    """(fit, probability (lanes,) that each lane is there, what is said where lanes do not explain the drives).
 
     Where lanes explain too little, as of one vehicle on a winding street, all drives are held to be in lanes: these then lie
     where vehicles drove.
     """
-    fit = fit_to_road(observations, before) if before else fit_lane_count(observations)
+    fit, there = _fit_lanes(observations, before, off_lane=True)
     driven = observations.eta > 0
     explained = float(((1 - fit.burst) * (1 - fit.stray)[:, None])[driven].mean()) if driven.any() else 0.0
     if explained >= LEAST_EXPLAINED:
-        return fit, []
-    fit = fit_to_road(observations, before, off_lane=False) if before else fit_lane_count(observations, off_lane=False)
-    return fit, said_of_explained(explained)
+        return fit, there, []
+    return (*_fit_lanes(observations, before, off_lane=False), said_of_explained(explained))
+
+
+def _fit_lanes(observations: Observations, before: MapBefore | None, *, off_lane: bool) -> tuple[LaneFit, FloatArray]:
+    if before is None:
+        return fit_lane_count(observations, off_lane=off_lane)
+    fit = fit_to_road(observations, before, off_lane=off_lane)
+    return fit, np.ones(fit.setting.n_lanes)
 
 
 def _closure_prior(traces: pd.DataFrame, before: MapBefore | None, *, width: float) -> ClosurePrior:
@@ -109,7 +116,13 @@ def _closure_prior(traces: pd.DataFrame, before: MapBefore | None, *, width: flo
 
 
 def _mapped_lanes(
-    fit: LaneFit, closures: list[Closure], observations: Observations, *, removed_shift: float, taper_m: float
+    fit: LaneFit,
+    there: FloatArray,
+    closures: list[list[Closure]],
+    observations: Observations,
+    *,
+    removed_shift: float,
+    taper_m: float,
 ) -> tuple[MappedLane, ...]:
     course, n_lanes = fit.course, fit.setting.n_lanes
     middle = course.offset - removed_shift + fit.setting.base
@@ -119,10 +132,10 @@ def _mapped_lanes(
     return tuple(
         MappedLane(
             right=edges[lane], left=edges[lane + 1], right_sd=sds[lane], left_sd=sds[lane + 1],
-            p_open=p_open_strips(
-                closure, observations.stations, outer_left=2 * lane > n_lanes - 1, taper_m=taper_m, strips=STRIPS
+            p_open=there[lane] * p_open_strips(
+                of_lane, observations.stations, outer_left=2 * lane > n_lanes - 1, taper_m=taper_m, strips=STRIPS
             ),
             n_traces=int((fit.in_lane[:, :, lane].max(axis=1) > 0.5).sum()),
         )
-        for lane, closure in enumerate(closures)
+        for lane, of_lane in enumerate(closures)
     )  # fmt: skip
