@@ -1,6 +1,6 @@
 """Thresholds of the live map's charts from a budget of false alarms, written to wzsumo/live/charts/thresholds.json.
 
-    nice python analysis/live/calibrate.py [--traces 20000] [--seed 1]
+    nice python -m analysis.live.calibrate [--traces 20000] [--seed 1]
 
 Streams without a change, with the usual dirt (see `streams`), run through charts that never alarm. The loudest evidence in
 blocks of 250 traces has an exponential tail, since cumulative sums drift down; its rate beyond the 60 % quantile is fitted, and
@@ -83,7 +83,7 @@ def main() -> None:
             families[family.value].append({"threshold": round(value, 2), "sd": round(sd, 2), "mean_excess": round(excess, 3)})
             sys.stderr.write(f"{error} m {family}: {of_cells}\n")
     content = {
-        "command": f"python analysis/live/calibrate.py --traces {args.traces} --seed {args.seed}",
+        "command": f"python -m analysis.live.calibrate --traces {args.traces} --seed {args.seed}",
         "budget_per_trace": BUDGET, "share_per_family": share, "receiver_errors_m": list(ERRORS_M),
         "sampling_intervals_s": list(INTERVALS_S), "traces_per_cell": args.traces // RUN * RUN, "families": families,
     }  # fmt: skip

@@ -1,7 +1,7 @@
 """How many traces until a live map notices a change, and how often it alarms without one: tables in docs/results.
 
-    nice python analysis/live/measure.py delays --n 200 --seed 1000
-    nice python analysis/live/measure.py habits --traces 20000 --seed 5000
+    nice python -m analysis.live.measure delays --n 200 --seed 1000
+    nice python -m analysis.live.measure habits --traces 20000 --seed 5000
 
 Delays are counted from the first trace after the change, for maps that 600 traces went through before,
 without an alarm. A delay counts whatever the alarm's kind; `right_kind` is the share that names it.

@@ -12,7 +12,7 @@ from wzsumo.live.charts.findings import Family
 from wzsumo.live.charts.shape_charts import _pair
 from wzsumo.live.charts.thresholds import calibrated_thresholds
 from wzsumo.live.ground import ground_of
-from wzsumo.live.trace.decoding import draw_ways, error_of, first_levels
+from wzsumo.live.trace.decoding import draw_ways, error_levels, error_of, first_levels
 from wzsumo.live.trace.reading import walk_of
 from wzsumo.live.trace.shape import _filter, steps_of
 
@@ -73,6 +73,27 @@ def test_ways_of_a_clear_trace_change_lanes_where_it_does() -> None:
     assert ways.weights.sum() == pytest.approx(1)
     again = draw_ways(ground, trace, walk=0.002, levels=first_levels(), seed=1)
     assert (again.places == ways.places).all()
+
+
+@pytest.mark.parametrize(
+    ("off_m", "closed", "weight"),
+    [
+        (0.6, [False, True], 1.0),  # less than half a lane: the receiver's
+        (3.6, [False, True], 0.0),  # towards the closed lane: it may drive there
+        (-3.6, [False, True], 2.0),  # away from it: counts for that too
+        (3.6, [False, False], 1.0),
+        (-3.6, [False, False], 1.0),
+    ],
+)
+def test_an_error_by_a_lane_towards_closed_ground_says_nothing_of_receivers(
+    off_m: float, closed: list[bool], weight: float
+) -> None:
+    ways = np.zeros((4, 30), dtype=np.int16)
+    seen = np.ones(30, dtype=bool)
+    levels = error_levels(np.full(30, off_m), seen, ways, np.full(4, 0.25), 3.6, np.array(closed))
+    assert levels.sum() == pytest.approx(weight)
+    assert levels == pytest.approx(levels[::-1])
+    assert weight == 0 or error_of(levels) == pytest.approx(abs(off_m), abs=0.25)
 
 
 def test_first_levels_are_receivers_of_one_and_a_half_metres() -> None:

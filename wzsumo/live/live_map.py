@@ -126,7 +126,7 @@ def with_evidence(live: LiveMap, reading: Reading) -> LiveMap:
     chances = (1 - BASE_LEVELS) * live.levels + BASE_LEVELS * first_levels()
     ways = draw_ways(ground, reading, walk=walk, levels=chances, seed=number)
     steps = steps_of(ground, reading, ways, usual_walk=live.usual_walk, usual_scatter=live.shape.usual_scatter)
-    levels = error_levels(reading.offset, reading.seen, ways.places, ways.weights, ground.width)
+    levels = error_levels(reading.offset, reading.seen, ways.places, ways.weights, ground.width, ground.closed.any(axis=1))
     in_lane = lane_shares(ways.places, ways.weights, ground.n_lanes)
     rate = max(RATE, 1 / (number + 4))
     pace = reading.seconds_per_m
@@ -148,7 +148,7 @@ def with_evidence(live: LiveMap, reading: Reading) -> LiveMap:
         recent=with_recent(live.recent, trace),
         usual_s_per_m=usual + rate * (min(pace, 2 * usual) - usual),
         usual_walk=max(live.usual_walk + rate * change, LEAST_WALK),
-        levels=live.levels + rate * (levels - live.levels),
+        levels=(1 - rate * levels.sum()) * live.levels + rate * levels,
         now_s=max(live.now_s, reading.end_s),
     )
 

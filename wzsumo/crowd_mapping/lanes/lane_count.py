@@ -13,7 +13,7 @@ from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, 
 from wzsumo.frames import FloatArray
 
 MAX_LANES = 6
-LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.6, 0.12  # 12 ft on freeways (AASHTO Green Book), down to 10 in zones (MUTCD 6G)
+LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.5, 0.18  # 12 ft on freeways, 10 to 12 ft on other roads (AASHTO Green Book) and in zones (MUTCD 6G)
 MIN_USERS = 1.5  # of an outer lane: one trace adds no lane
 LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3

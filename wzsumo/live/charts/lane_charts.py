@@ -246,7 +246,8 @@ def _add_opening(
         if forgotten:
             evidence[k] = 0.0
             since[k] = number
-        if most < LEARNED_BELOW or habit[kind, k].sum() < YOUNG_TRACES or forgotten:
+        # A young map's habit is its own word that nobody drives there: traces against it are no habit, however young it is.
+        if most < LEARNED_BELOW or forgotten:
             for c in range(2):
                 habit[c, k] += pending[c, k]
                 pending[c, k] = 0.0

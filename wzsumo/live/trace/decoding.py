@@ -71,19 +71,36 @@ def error_of(levels: FloatArray) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def error_levels(y: FloatArray, seen: BoolArray, ways: Places, weights: FloatArray, width: float) -> FloatArray:
-    """Shares (LEVELS,) of the ways by the mean error that they leave the trace with; the same to both sides."""
+def error_levels(
+    y: FloatArray, seen: BoolArray, ways: Places, weights: FloatArray, width: float, closed: BoolArray
+) -> FloatArray:
+    """Weights (LEVELS,) of the mean errors that the ways leave the trace with, the same to both sides.
+
+    `closed` (L,) are the lanes that are closed somewhere. An error of half a lane and more towards one of them may be a vehicle
+    that drives there, and says nothing of receivers: so one to the other side counts twice. All weights may be 0.
+    """
     share = np.zeros(2 * HALF_LEVELS + 1)
     for i in range(ways.shape[0]):
-        total, n = 0.0, 0
+        total, place, n = 0.0, 0.0, 0
         for t in range(ways.shape[1]):
             if seen[t] and ways[i, t] >= 0:
                 total += y[t] - ways[i, t] * width / 3
+                place += ways[i, t] / 3
                 n += 1
-        if n > 0:
-            level = min(int(abs(total / n) / STEP_M + 0.5), HALF_LEVELS)
-            share[HALF_LEVELS - level] += 0.5 * weights[i]
-            share[HALF_LEVELS + level] += 0.5 * weights[i]
+        if n == 0:
+            continue
+        left = total > 0  # which side the error is to
+        towards, away = False, False
+        for k in range(len(closed)):
+            if closed[k]:
+                towards = towards or (k > place / n if left else k < place / n)
+                away = away or (k < place / n if left else k > place / n)
+        part = 0.5 * weights[i]
+        if abs(total / n) >= width / 2:
+            part *= 0.0 if towards else (2.0 if away else 1.0)
+        level = min(int(abs(total / n) / STEP_M + 0.5), HALF_LEVELS)
+        share[HALF_LEVELS - level] += part
+        share[HALF_LEVELS + level] += part
     return share
 
 
