@@ -86,6 +86,29 @@ def test_hostile_names_in_a_study_run_nothing_and_the_command_is_safe_to_copy(fo
 
 
 @needs_browser
+def test_tables_of_a_study_are_searched_sorted_and_turned_over(folder: Path, tmp_path: Path) -> None:
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    ask = """
+    const section = [...document.querySelectorAll("section.data")].at(-1), find = name => section.querySelector(`.${name}`);
+    const seeds = () => [...section.querySelectorAll("tbody tr")].map(row => row.cells[2].textContent).join("");
+    const seen = () => document.title += " | " + find("count").textContent + ": " + seeds();
+    const type = words => { find("search").value = words; find("search").dispatchEvent(new Event("input")); seen(); };
+    document.title = "t"; seen(); type("done"); type("nothing at all"); type("");
+    const seed = [...section.querySelectorAll("button.sort")][2];
+    seed.click(); seen(); seed.click(); seen();
+    find("rows").insertAdjacentHTML("beforeend", "<option selected>3</option>");
+    find("rows").dispatchEvent(new Event("change"));
+    seen(); find("later").click(); seen(); document.title += find("later").disabled;"""
+    shown = opened(with_script(page, ask, allowed=True), tmp_path)
+    (title,) = re.findall(r"<title>(.*?)</title>", shown, flags=re.S)
+    # Two seeds with one and two traces; those with one trace are refused.
+    assert title.split(" | ")[1:] == [
+        "1 to 4 of 4 rows: 1122", "1 to 2 of 2 rows: 12", "no row:", "1 to 4 of 4 rows: 1122", "1 to 4 of 4 rows: 1122",
+        "1 to 4 of 4 rows: 2211", "1 to 3 of 4 rows: 221", "4 to 4 of 4 rows: 1true",
+    ]  # fmt: skip
+
+
+@needs_browser
 def test_policy_of_a_study_lets_its_own_script_alone_run(folder: Path, tmp_path: Path) -> None:
     page = (folder / "report.html").read_text(encoding="utf-8")
     shown = opened(with_script(with_script(page, CLICK, allowed=True), OWN, allowed=False), tmp_path)

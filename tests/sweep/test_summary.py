@@ -7,7 +7,18 @@ import pytest
 from scipy.stats import bootstrap
 
 from wzsumo.errors import InputError
-from wzsumo.sweep.summary import clean_drives, compare, largest_share, latex, markdown, summarise, traces_needed, write_table
+from wzsumo.sweep.summary import (
+    clean_drives,
+    compare,
+    largest_share,
+    latex,
+    markdown,
+    seeds_to_show,
+    summarise,
+    traces_needed,
+    whole_seeds,
+    write_table,
+)
 
 
 def results(
@@ -116,6 +127,30 @@ def test_tables_for_papers_escape_what_their_language_reads(tmp_path: Path) -> N
 def test_largest_share_is_that_of_clopper_and_pearson(found: int, n: int, bound: float) -> None:
     # 0 of n: 1 - 0.05^(1/n); 1 of 10: their table, 95 % one-sided.
     assert largest_share(found, n) == pytest.approx(bound, abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("found", "n", "low", "high"),
+    [(4, 4, 0.398, 1.0), (0, 4, 0.0, 0.602), (9, 10, 0.555, 0.997), (5, 10, 0.187, 0.813)],  # tables of the exact binomial
+)
+def test_interval_of_a_share_is_that_of_clopper_and_pearson(found: int, n: int, low: float, high: float) -> None:
+    table = pd.DataFrame({"seed": range(n), "safe_plan": [number < found for number in range(n)], "status": "DONE"})
+    row = summarise(table, "safe_plan", by=[]).iloc[0]
+    assert (row["low"], row["high"]) == pytest.approx((low, high), abs=0.001)
+
+
+def test_seed_of_several_cases_is_whole_where_all_of_them_are_true() -> None:
+    table = pd.DataFrame({"seed": [1, 1, 2, 2, 3, 3, 4, 4], "safe_plan": [True] * 7 + [False], "status": "DONE"})
+    row = whole_seeds(table, "safe_plan", by=[]).iloc[0]
+    assert row[["n", "n_true", "n_seeds", "n_whole"]].tolist() == [8, 7, 4, 3]
+    # Clopper and Pearson's bound of 3 of 4 solves p^4 + 4 p^3 (1 - p) = 0.05.
+    p = row["at_least"]
+    assert p**4 + 4 * p**3 * (1 - p) == pytest.approx(0.05)
+    assert whole_seeds(table.assign(safe_plan=True), "safe_plan", by=[]).iloc[0]["at_least"] == pytest.approx(0.4729, abs=1e-4)
+
+
+def test_seeds_to_show_a_share_are_those_of_the_binomial() -> None:
+    assert seeds_to_show(0.9) == 29  # 0.9^28 = 0.052, 0.9^29 = 0.047
 
 
 def test_clean_drives_are_counted_by_method_and_bounded_by_drives_and_by_seeds() -> None:
