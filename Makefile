@@ -1,7 +1,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup scenario baselines sweep report test numbers fuzz mutants bench lock clean
+.PHONY: help setup scenario baselines sweep report test numbers docs fuzz mutants bench lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -41,6 +41,9 @@ MEASURED ?=
 COMMIT ?=
 numbers: setup  ## put the figures of docs/results/ into the pages, list what is older than its code: MEASURED=paper_case.seeds [COMMIT=HASH]
 	@$(BIN)/python analysis/pages/fill_pages.py $(if $(MEASURED),--measured $(MEASURED)) $(if $(COMMIT),--commit $(COMMIT))
+
+docs: setup  ## the documentation as a site: open build/site/index.html
+	@$(BIN)/python .ci/site/build_site.py --run-notebook
 
 INPUTS ?= 3000
 SEED ?= 1
