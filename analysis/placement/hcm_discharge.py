@@ -19,7 +19,7 @@ from wzsumo.case.zone import simulate_zone
 from wzsumo.scenario.scenario import Scenario, load_scenario
 from wzsumo.simulation.connection import sumo_binary
 from wzsumo.simulation.demand import DemandSpec, write_demand
-from wzsumo.simulation.drivers import hcm_drivers
+from wzsumo.simulation.drivers import DriverSpec, hcm_drivers
 from wzsumo.units import mps_from_mph
 
 ZONES = {"2 to 1": (2, (1,), 2100.0), "3 to 2": (3, (2,), 4300.0)}  # lanes, closed ones, demand [veh/h]
@@ -72,7 +72,8 @@ def _measured(folder: Path, n_lanes: int, closed: tuple[int, ...], flow: float, 
     (folder / "zone.rou.xml").write_text("<routes/>", encoding="utf-8")
     scenario = load_scenario(path)
     rate_pcphpl = scenario.capacity().queue_discharge_pcphpl
-    _write_routes(scenario, folder, flow=flow, rate_pcphpl=rate_pcphpl, seed=seed)
+    drivers = hcm_drivers(rate_pcphpl, open_lanes=n_lanes - len(closed))
+    _write_routes(scenario, folder, flow=flow, drivers=drivers, seed=seed)
     runs = folder / "sumo"
     runs.mkdir()
     _, measures = simulate_zone(scenario, scenario.layout(), folder=runs, watch=Watch())
@@ -100,13 +101,13 @@ def _write_net(folder: Path, n_lanes: int) -> None:
     subprocess.run([str(sumo_binary("netconvert")), *plain, *options], check=True, capture_output=True)
 
 
-def _write_routes(scenario: Scenario, folder: Path, *, flow: float, rate_pcphpl: float, seed: int) -> None:
+def _write_routes(scenario: Scenario, folder: Path, *, flow: float, drivers: DriverSpec, seed: int) -> None:
     """The demand of a road of the scenario's own, on the network's edges before they are cut."""
     with tempfile.TemporaryDirectory() as name:
         edges = scenario.write_sumo_files(Path(name)).edges
     whole = {edge.id.partition(".wz")[0]: edge for edge in reversed(edges)}
     uncut = tuple(edge.__class__(id=id_, start=edge.start, end=edge.end, lanes=edge.lanes) for id_, edge in whole.items())[::-1]
-    spec = DemandSpec(flow_vph=flow, duration_s=DURATION_S, drivers=hcm_drivers(rate_pcphpl))
+    spec = DemandSpec(flow_vph=flow, duration_s=DURATION_S, drivers=drivers)
     write_demand(uncut, folder, spec=spec, speed=mps_from_mph(SPEED_MPH), seed=seed)
 
 

@@ -133,6 +133,11 @@ def test_every_driver_keeps_the_lane_after_overtaking_and_lets_in_some_of_those_
     assert {(t["lcKeepRight"], t["lcCooperative"]) for t in types} == {("0", "0.5")}
 
 
+def test_every_driver_returns_to_a_place_in_the_lane_and_does_not_pass_another_in_it(tmp_path: Path) -> None:
+    types = elements(demand(tmp_path), "vType")
+    assert {(t["lcLaneDiscipline"], t["lcSublane"]) for t in types} == {("1", "10")}
+
+
 def test_every_driver_knows_the_whole_road_ahead(tmp_path: Path) -> None:
     # SUMO's own look ahead ends after 8 edges or 3 km; no road of ours is longer than 20 km.
     assert {float(t["lcStrategicLookahead"]) for t in elements(demand(tmp_path), "vType")} == {20000.0}
@@ -159,9 +164,9 @@ def test_fitted_presets_name_the_step_and_the_lateral_resolution_that_the_toolki
     assert fitted.calibrated_lateral_resolution_m == runs.lateral_resolution_m
 
 
-@pytest.mark.parametrize(("slower", "faster"), [("2_to_1_rural", "2_to_1_urban"), ("2_to_1_urban", "3_to_2_urban")])
+@pytest.mark.parametrize(("slower", "faster"), [("2_to_1_rural", "2_to_1_urban"), ("3_to_2_rural", "3_to_2_urban")])
 def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower: str, faster: str) -> None:
-    # HCM 7: 1412, 1591 and 1783.5 pc/h and lane.
+    # HCM 7: 1412 and 1591, 1604.5 and 1783.5 pc/h and lane.
     slow, fast = DRIVER_PRESETS[f"hcm_{slower}"], DRIVER_PRESETS[f"hcm_{faster}"]
     assert slow.tau_s > fast.tau_s
     assert slow.truck_tau_s > fast.truck_tau_s
@@ -169,14 +174,14 @@ def test_drivers_of_a_zone_that_discharges_less_keep_the_longer_time_gap(slower:
 
 @pytest.mark.parametrize("discharge", [1412.0, 1591.0, 1978.0])
 def test_time_gap_moves_one_to_one_with_the_headway_and_a_trucks_with_that_of_two_cars(discharge: float) -> None:
-    drivers, slower = hcm_drivers(discharge), hcm_drivers(discharge - 100)
+    drivers, slower = (hcm_drivers(rate, open_lanes=1) for rate in (discharge, discharge - 100))
     longer_s = 3600 / (discharge - 100) - 3600 / discharge
     assert slower.tau_s - drivers.tau_s == pytest.approx(longer_s, abs=2e-3)
     assert slower.truck_tau_s - drivers.truck_tau_s == pytest.approx(2 * longer_s, abs=2e-3)  # HCM 7, E_T = 2 on level terrain
 
 
 def test_fitted_drivers_accelerate_and_stand_as_was_measured_on_roads() -> None:
-    drivers = hcm_drivers(1600.0)
+    drivers = hcm_drivers(1600.0, open_lanes=2)
     assert (drivers.accel_mps2, drivers.truck_accel_mps2) == (1.0, 0.6)
     # HCM 7, jam density of 190 passenger cars a mile and lane: 1609.344 / 190 = 8.5 m, of which a car takes 4.8 m.
     assert drivers.min_gap_m == pytest.approx(1609.344 / 190 - 4.8, abs=0.05)
@@ -269,9 +274,10 @@ def test_drivers_that_leave_all_out_are_sumos_but_for_the_loaded_truck() -> None
     }  # fmt: skip
 
 
-def test_fitted_time_gaps_are_the_queues_headway_less_what_was_fitted() -> None:
-    drivers = hcm_drivers(1500.0)  # a headway of 2.4 s
-    assert drivers.tau_s == pytest.approx(2.4 - 0.8)
-    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - 0.8 - 7.2 / 15)
+@pytest.mark.parametrize(("open_lanes", "extra_s"), [(1, 1.0), (2, 0.72), (3, 0.72)])
+def test_fitted_time_gaps_are_the_queues_headway_less_what_was_fitted(open_lanes: int, extra_s: float) -> None:
+    drivers = hcm_drivers(1500.0, open_lanes=open_lanes)  # a headway of 2.4 s
+    assert drivers.tau_s == pytest.approx(2.4 - extra_s)
+    assert drivers.truck_tau_s == pytest.approx(2 * 2.4 - extra_s - 7.2 / 15)
     assert (drivers.lc_assertive, drivers.lc_lookahead_left) == (1.3, 1.0)
     assert (drivers.calibrated_step_length_s, drivers.calibrated_lateral_resolution_m) == (0.1, 0.45)

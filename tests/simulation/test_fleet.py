@@ -97,7 +97,6 @@ def test_same_seed_gives_the_same_traces_and_another_seed_others(tmp_path: Path)
     assert not first.equals(other)
 
 
-@pytest.mark.xfail(reason="0.67 enter on the closing lane: the open lane's queue lets fewer in", strict=True)
 def test_demand_above_capacity_enters_on_all_lanes_and_trucks_at_their_share(tmp_path: Path) -> None:
     # 3,000 veh/h on two lanes of which one closes: a queue stands to the road's start. With a fixed lane for every vehicle two
     # thirds entered on the closing lane.

@@ -5,11 +5,10 @@ from xml.etree import ElementTree as ET
 import pandas as pd
 import pytest
 import shapely
-from builders import paper_layout, paper_road, paper_work_zone
+from builders import paper_road, paper_work_zone
 from sumo_runs import driven, outlines_in
 
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.simulation.demand import DemandSpec, write_demand
 from wzsumo.simulation.edges import edges_of
 from wzsumo.simulation.network import write_network
 from wzsumo.work_zone import WorkZoneLayout
@@ -61,15 +60,6 @@ def test_car_astride_the_line_falls_back_into_its_lane_before_the_nose_and_never
     assert station[-1] > LAYOUT.area("activity area").start
     assert not shapely.intersects(LAYOUT.closed_area, outlines).any()
     assert rows["speed"].min() > 5
-
-
-def test_drivers_keep_to_a_lane_where_lanes_part_and_nowhere_else(tmp_path: Path) -> None:
-    def keep_to_a_lane(layout: WorkZoneLayout) -> bool:
-        path = write_demand(edges_of(layout), tmp_path, spec=DemandSpec(), speed=SPEED, seed=1)
-        return 'lcLaneDiscipline="1" lcSublane="10"' in path.read_text()
-
-    assert keep_to_a_lane(LAYOUT)
-    assert not keep_to_a_lane(paper_layout())
 
 
 def test_closed_ground_between_two_lanes_is_a_lane_that_bars_every_vehicle_from_the_nose_to_where_it_ends(

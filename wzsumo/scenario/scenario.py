@@ -113,7 +113,7 @@ class Scenario(Spec):
                 raise SpecError(f'road_type="{self.work_zone.road_type}": the HCM\'s work-zone model is of freeways')
             zone = self._hcm_inputs()
             rate = zone_queue_discharge_pcphpl(**zone)
-            drivers = hcm_drivers(rate)
+            drivers = hcm_drivers(rate, open_lanes=zone["open_lanes"])
         except SpecError as error:
             raise SpecError(
                 f'simulation.demand.drivers="{BY_THE_HCM.name}": {error}; give drivers = "{UNCALIBRATED.name}" or a table of '

@@ -75,9 +75,9 @@ TRUCK = {"length_m": 12.0, "width_m": 2.5}  # SUMO "truck" 7.1 x 2.4 m; US singl
 # 26 times among 1105 vehicles). With the service brake the same fleets do not collide, stay out of the closed area and merge at
 # the same places.
 CAR_DECEL_MPS2, TRUCK_DECEL_MPS2 = 4.5, 4.0
-# SL2015 parameters of drivers on a road with a gore. With SUMO's defaults drivers overtake astride a line between two lanes and
-# stay there while it is faster, whatever lies ahead. With these they do not prefer to straddle a line, and return from it at
-# ten times the loss of speed that they would accept by default. Elsewhere drivers keep the defaults, as they were fitted.
+# SL2015 parameters. With SUMO's defaults drivers overtake astride a line between two lanes and stay there while it is faster,
+# whatever lies ahead, and where lanes merge they pass one that is still astride in its own lane. With these they do not prefer
+# to straddle a line, and return to their place in the lane at ten times the loss of speed that they would accept by default.
 LANE_KEEPING = {"lcLaneDiscipline": "1", "lcSublane": "10"}
 # A vehicle moves aside at no more than this [m/s] plus this share of its speed, some 0.2 rad off its lane. By itself SUMO lets
 # one that stands slide at 1 m/s, and draws it turned by up to 0.8 rad, across the lane beside.
@@ -103,12 +103,11 @@ def write_demand(
     if spec.drivers == BY_THE_HCM:
         raise SpecError(f'drivers="{BY_THE_HCM.name}" is decided by the zone: write the demand of Scenario.zone_simulation()')
     rng, root = np.random.default_rng([seed, 1]), ET.Element("routes")
-    lane_keeping = LANE_KEEPING if any(lane.allows == "none" for edge in edges for lane in edge.lanes) else {}
     merge_ahead = {kind: rng.uniform(*spec.merge_ahead_m, size=DRIVERS_PER_CLASS) for kind in ("car", "truck")}
     for kind, size in (("car", CAR), ("truck", TRUCK)):
         for number, ahead in enumerate(merge_ahead[kind]):
             driver = _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, merge_ahead=ahead, rng=rng)
-            ET.SubElement(root, "vType", driver | lane_keeping)
+            ET.SubElement(root, "vType", driver)
     ET.SubElement(root, "route", id="through", edges=" ".join(edge.id for edge in edges))
     flows = spec.flow_profile or ((0.0, spec.flow_vph),)
     vehicles = _vehicles(edges, "through", flows=flows, merge_ahead=merge_ahead, spec=spec, rng=rng)
@@ -204,6 +203,7 @@ def _driver(
     truck, drivers = kind == "truck", spec.drivers
     decel = TRUCK_DECEL_MPS2 if truck else CAR_DECEL_MPS2
     return driver | {
+        **LANE_KEEPING,
         "lcMaxSpeedLatStanding": f"{STANDING_LATERAL_MPS:g}",
         "lcMaxSpeedLatFactor": f"{LATERAL_SHARE:g}",
         "lcStrategicLookahead": f"{LOOK_AHEAD_M:g}",

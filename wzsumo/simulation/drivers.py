@@ -39,21 +39,25 @@ BY_THE_HCM = DriverSpec(name="hcm", calibrated_step_length_s=0.1, calibrated_lat
 # characteristics of starting vehicles); at freeway speeds 1 m/s2 is the low end. Trucks, heavier, less. Both chosen by us.
 ACCEL_MPS2, TRUCK_ACCEL_MPS2 = 1.0, 0.6
 MIN_GAP_M = 3.7  # HCM 7, Chapter 12: jam density 190 pc/mi/lane, 8.5 m a car, of which it takes 4.8 m itself
-CAR_EXTRA_S = 0.8
-TRUCK_EXTRA_S = CAR_EXTRA_S + 7.2 / 15  # a truck is 7.2 m longer than a car; at 15 m/s, where a queue dissolves
+# What a queue's headway has beside the driver's own time gap, past one open lane and past each of several.
+EXTRA_ONE_LANE_S, EXTRA_MORE_LANES_S = 1.0, 0.72
+TRUCK_EXTRA_LENGTH_S = 7.2 / 15  # a truck is 7.2 m longer than a car; at 15 m/s, where a queue dissolves
 
 
-def hcm_drivers(discharge_pcphpl: float, *, name: str = BY_THE_HCM.name) -> DriverSpec:
-    """Drivers with whom a queue discharges `discharge_pcphpl` [pc/h/lane] past a closure.
+def hcm_drivers(discharge_pcphpl: float, *, open_lanes: int, name: str = BY_THE_HCM.name) -> DriverSpec:
+    """Drivers with whom a queue discharges `discharge_pcphpl` [pc/h/lane] past a closure that leaves so many lanes open.
 
-    The mean headway of the discharging queue is the driver's own time gap and CAR_EXTRA_S: the vehicle's length and standing
-    gap at the speed of the bottleneck, acceleration and dawdling. That is all that is fitted, by
-    analysis/traffic/calibrate_traffic.py; docs/results/traffic_calibration.md says how well it holds.
+    The mean headway of the discharging queue is the driver's own time gap and an extra: the vehicle's length and standing gap
+    at the speed of the bottleneck, acceleration, dawdling and merging. Where one lane is open more of those who pass have
+    merged into it. The extra is all that is fitted, by analysis/traffic/calibrate_traffic.py;
+    docs/results/traffic_calibration.md says how well it holds.
     """
     headway_s = 3600 / discharge_pcphpl
+    extra_s = EXTRA_ONE_LANE_S if open_lanes == 1 else EXTRA_MORE_LANES_S
+    truck_tau_s = TRUCK_EQUIVALENT_PC * headway_s - extra_s - TRUCK_EXTRA_LENGTH_S
     fitted = {
-        "name": name, "tau_s": round(headway_s - CAR_EXTRA_S, 3), "accel_mps2": ACCEL_MPS2,
-        "truck_tau_s": round(TRUCK_EQUIVALENT_PC * headway_s - TRUCK_EXTRA_S, 3), "truck_accel_mps2": TRUCK_ACCEL_MPS2,
+        "name": name, "tau_s": round(headway_s - extra_s, 3), "accel_mps2": ACCEL_MPS2,
+        "truck_tau_s": round(truck_tau_s, 3), "truck_accel_mps2": TRUCK_ACCEL_MPS2,
         "min_gap_m": MIN_GAP_M, "lc_assertive": 1.3, "lc_lookahead_left": 1.0,
     }  # fmt: skip
     return BY_THE_HCM.model_copy(update=fitted)
@@ -62,7 +66,7 @@ def hcm_drivers(discharge_pcphpl: float, *, name: str = BY_THE_HCM.name) -> Driv
 def _preset(total: int, open_lanes: int, area: Literal["urban", "rural"]) -> DriverSpec:
     """Drivers for a class of zones: so many of `total` lanes open, in an urban or rural area."""
     rate = zone_queue_discharge_pcphpl(total_lanes=total, open_lanes=open_lanes, site=SiteSpec(area=area))
-    return hcm_drivers(rate, name=f"hcm_{total}_to_{open_lanes}_{area}")
+    return hcm_drivers(rate, open_lanes=open_lanes, name=f"hcm_{total}_to_{open_lanes}_{area}")
 
 
 _AREAS: tuple[Literal["urban", "rural"], ...] = ("urban", "rural")
