@@ -274,7 +274,7 @@ def test_drivers_that_leave_all_out_are_sumos_but_for_the_loaded_truck() -> None
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(("open_lanes", "extra_s"), [(1, 1.0), (2, 0.72), (3, 0.72)])
+@pytest.mark.parametrize(("open_lanes", "extra_s"), [(1, 0.95), (2, 0.75), (3, 0.75)])
 def test_fitted_time_gaps_are_the_queues_headway_less_what_was_fitted(open_lanes: int, extra_s: float) -> None:
     drivers = hcm_drivers(1500.0, open_lanes=open_lanes)  # a headway of 2.4 s
     assert drivers.tau_s == pytest.approx(2.4 - extra_s)

@@ -40,7 +40,7 @@ BY_THE_HCM = DriverSpec(name="hcm", calibrated_step_length_s=0.1, calibrated_lat
 ACCEL_MPS2, TRUCK_ACCEL_MPS2 = 1.0, 0.6
 MIN_GAP_M = 3.7  # HCM 7, Chapter 12: jam density 190 pc/mi/lane, 8.5 m a car, of which it takes 4.8 m itself
 # What a queue's headway has beside the driver's own time gap, past one open lane and past each of several.
-EXTRA_ONE_LANE_S, EXTRA_MORE_LANES_S = 1.0, 0.72
+EXTRA_ONE_LANE_S, EXTRA_MORE_LANES_S = 0.95, 0.75
 TRUCK_EXTRA_LENGTH_S = 7.2 / 15  # a truck is 7.2 m longer than a car; at 15 m/s, where a queue dissolves
 
 
