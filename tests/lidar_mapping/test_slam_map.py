@@ -71,6 +71,18 @@ def test_vehicle_that_one_scan_hit_is_in_all_maps_but_the_barrier() -> None:
     assert cell(maps.barrier, 30.05, -4.95) == pytest.approx(1 / (1 + np.exp(2.0)), rel=1e-5)
 
 
+@pytest.mark.parametrize(("hits", "stands"), [(4, False), (12, True)])
+def test_vehicle_that_hid_its_way_from_later_rays_leaves_no_trail_in_the_barrier_map(hits: int, stands: bool) -> None:
+    # 20 scans saw the cell free, then a vehicle was in it, and nothing saw it again. Clamped odds: -2 + 4 x 0.85 > 0.
+    # Over the whole drive 20 x 0.4 = 8 speak for free, 4 x 0.85 = 3.4 or 12 x 0.85 = 10.2 for occupied.
+    ground = posed_scan(ground_points(), np.zeros(len(ground_points())))
+    in_cell = posed_scan([[30.05, -4.95, 0.5], [30.05, -4.95, 1.2]], [True, True])
+    maps = build_maps([ground] * 20 + [in_cell] * hits, SlamMapSpec(), cells=CELLS)
+    assert cell(maps.log_odds, 30.05, -4.95) > 0.7
+    assert (cell(maps.barrier, 30.05, -4.95) > 0.5) == stands
+    assert len(maps.devices) == stands
+
+
 def test_no_device_leaves_the_map_as_it_was() -> None:
     grid = CELLS.with_p_occupied(np.full(CELLS.shape, 0.3))
     assert with_barrier(grid, np.empty((0, 2)), np.empty((0, 2), dtype=np.int64), half_width_m=0.2) is grid

@@ -27,7 +27,8 @@ class DeviceSpec(Spec):
 
 def find_devices(votes: Votes, spec: DeviceSpec) -> FloatArray:
     """Centres (n, 2) [m] of the clusters of hit cells that have the size of a device and were hit in enough scans."""
-    count, grid = votes.count, votes.cells
+    grid = votes.cells
+    count = np.where(votes.p_standing(scans=1) > 0.5, votes.count, 0)  # without the ways of moving vehicles
     # Hit cells with one empty cell between them belong together: the few rays on a far cone may leave a cell empty.
     square = np.ones((3, 3), dtype=bool)
     label, n = ndimage.label(ndimage.binary_dilation(count > 0, square), square)

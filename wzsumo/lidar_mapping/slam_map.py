@@ -1,7 +1,7 @@
 """Three maps from posed scans: raw bird's-eye view, log-odds with carved free space, and the barrier of joined devices.
 
 In the bird's-eye view of Chen et al. 2022 a cell that is not hit is free. The log-odds map tells free cells from unknown ones.
-The barrier map drops cells that were hit in too few scans, finds the devices and closes the gaps between neighbours of one
+The barrier map keeps what stood there during the whole drive, finds the devices and closes the gaps between neighbours of one
 line.
 """
 
@@ -47,7 +47,7 @@ def build_maps(posed_scans: Iterable[PosedScan], spec: SlamMapSpec, *, cells: Oc
         votes.add(posed)
     if votes.scans_added == 0:
         raise InputError("no scans to map; a drive gives one scan a turn of its LiDAR")
-    standing = cells.with_p_occupied(votes.p_without_movers(scans=spec.devices.scans))
+    standing = cells.with_p_occupied(votes.p_standing(scans=spec.devices.scans))
     devices = find_devices(votes, spec.devices)
     links = join_devices(devices, max_gap_m=spec.devices.max_gap_m)
     return SlamMaps(

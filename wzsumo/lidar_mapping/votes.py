@@ -37,6 +37,7 @@ class Votes:
         self.count: CountArray = np.zeros(cells.shape, np.int32)  # standing points
         self.scans: CountArray = np.zeros(cells.shape, np.int32)  # scans with a standing point
         self.height: FloatArray = np.full(cells.shape, -np.inf)  # of the highest standing point above the car's ground [m]
+        self.misses: CountArray = np.zeros(cells.shape, np.int32)  # scans that saw it free
         self.log_odds: FloatArray = np.full(cells.shape, np.nan)  # nan: never seen
         self._seen = np.zeros(cells.shape, np.int8)
         self._spec = spec
@@ -49,7 +50,7 @@ class Votes:
         _carve(cloud, sensor, pose, frame, spec.carve_height_m, self._seen)
         _hit(cloud, posed.standing, sensor, pose, frame, self.count, self.scans, self.height, self._seen)
         updates = np.array([spec.miss_log_odds, spec.hit_log_odds, *spec.log_odds_limits])
-        _vote(self._seen, self.log_odds, updates, self._window(pose[:3, :3] @ sensor + pose[:3, 3]))
+        _vote(self._seen, self.log_odds, self.misses, updates, self._window(pose[:3, :3] @ sensor + pose[:3, 3]))
         self.scans_added += 1
 
     @property
@@ -57,13 +58,16 @@ class Votes:
         """Probabilities (rows, cols), UNKNOWN where no scan voted."""
         return _probability(self.log_odds)
 
-    def p_without_movers(self, *, scans: int) -> FloatArray:
-        """The same without the hits in cells that were hit in fewer than `scans` scans: a moving vehicle was there.
+    def p_standing(self, *, scans: int) -> FloatArray:
+        """The same for what stands: all votes of a cell count alike, and hits in fewer than `scans` scans not at all.
 
-        A vehicle that follows the car hides the ground behind it, so that no later ray frees the cells where it was hit.
+        Clamped log-odds forget: after many free votes three hits make a cell occupied. A vehicle that follows the car hits each
+        cell of its way for some tenths of a second and hides it from later rays. Over the whole drive its cell was seen free
+        many times more often than hit; a device was hit in most scans that saw it.
         """
-        undone = self.log_odds - np.where(self.scans < scans, self.scans * self._spec.hit_log_odds, 0.0)
-        return _probability(np.maximum(undone, self._spec.log_odds_limits[0]))
+        hits = np.where(self.scans < scans, 0, self.scans)
+        total = hits * self._spec.hit_log_odds + self.misses * self._spec.miss_log_odds
+        return _probability(np.where(self.scans + self.misses == 0, np.nan, np.clip(total, *self._spec.log_odds_limits)))
 
     def _window(self, centre: FloatArray) -> IntArray:
         """First row, last row + 1, first column, last column + 1 of the cells that a scan from `centre` can reach."""
@@ -143,8 +147,8 @@ def _in_cells(point: FloatArray, pose: FloatArray, frame: FloatArray) -> tuple[f
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _vote(seen: npt.NDArray[np.int8], odds: FloatArray, update: FloatArray, window: IntArray) -> None:
-    """Add a scan's votes to the log-odds and clear them; `update` = log-odds of a miss and a hit, lower and upper limit."""
+def _vote(seen: npt.NDArray[np.int8], odds: FloatArray, misses: CountArray, update: FloatArray, window: IntArray) -> None:
+    """Add a scan's votes to log-odds and misses, clear them; `update` = log-odds of a miss and a hit, lower and upper limit."""
     for row in range(window[0], window[1]):
         for col in range(window[2], window[3]):
             if seen[row, col] == 0:
@@ -152,4 +156,5 @@ def _vote(seen: npt.NDArray[np.int8], odds: FloatArray, update: FloatArray, wind
             before = 0.0 if np.isnan(odds[row, col]) else odds[row, col]
             after = before + (update[1] if seen[row, col] == SEEN_HIT else update[0])
             odds[row, col] = min(max(after, update[2]), update[3])
+            misses[row, col] += seen[row, col] == SEEN_FREE
             seen[row, col] = 0
