@@ -25,13 +25,24 @@ def test_speed_ahead_of_a_bend_falls_with_the_given_deceleration() -> None:
     profile = SpeedProfile.of(ReferencePath(poses=poses), spec=RegulatedSpec())
     bend = 2.0 * 50.0
     for before in (20.0, 50.0, 100.0):
-        assert profile.at(200.0 - before).speed == pytest.approx(math.sqrt(bend + 2 * 1.5 * before), rel=0.02)
+        assert profile.at(200.0 - before).speed == pytest.approx(math.sqrt(bend + 2 * 1.0 * before), rel=0.02)
+
+
+def test_speed_behind_a_bend_rises_with_the_given_acceleration() -> None:
+    step = 0.5
+    s = np.arange(0, 400 + step, step)
+    heading = np.cumsum(np.where(s < 200, step / 50.0, 0.0))
+    poses = np.column_stack([np.cumsum(step * np.cos(heading)), np.cumsum(step * np.sin(heading)), heading])
+    profile = SpeedProfile.of(ReferencePath(poses=poses), spec=RegulatedSpec())
+    for behind in (20.0, 50.0, 100.0):
+        assert profile.at(200.0 + behind).speed == pytest.approx(math.sqrt(2.0 * 50.0 + 2 * 0.75 * behind), rel=0.02)
+        assert profile.at(200.0 + behind).acceleration == pytest.approx(0.75, rel=0.02)
 
 
 def test_stop_at_goal_ends_in_standstill_with_the_given_deceleration() -> None:
     profile = SpeedProfile.of(straight_path(500.0), spec=RegulatedSpec(stop_at_goal=True))
     assert profile.at(500.0).speed == profile.at(510.0).speed == 0.0
-    assert profile.at(400.0) == pytest.approx((math.sqrt(2 * 1.5 * 100), -1.5))
+    assert profile.at(400.0) == pytest.approx((math.sqrt(2 * 1.0 * 100), -1.0))
 
 
 @given(radii=st.lists(st.floats(20, 400), min_size=6, max_size=6), slowdown=st.floats(0.5, 4))
@@ -41,11 +52,12 @@ def test_bends_are_braked_for_ahead_and_their_speed_is_kept_in_them(radii: list[
     curvature = 1 / np.repeat(radii, 40)
     heading = np.concatenate([[0.0], np.cumsum(curvature[:-1] * 0.5)])
     poses = np.column_stack([np.cumsum(0.5 * np.cos(heading)), np.cumsum(0.5 * np.sin(heading)), heading])
-    profile = SpeedProfile.of(ReferencePath(poses=poses), spec=RegulatedSpec(slowdown_mps2=slowdown))
+    profile = SpeedProfile.of(ReferencePath(poses=poses), spec=RegulatedSpec(slowdown_mps2=slowdown, speedup_mps2=slowdown))
     for i in range(6):
-        # Written out: from the middle of bend i, the beginning of every later bend must be reachable by braking.
-        ahead = [math.sqrt(2.0 * radii[j] + 2 * slowdown * (20.0 * (j - i) - 10.0)) for j in range(i + 1, 6)]
-        expected = min([math.sqrt(2.0 * radii[i]), *ahead])
+        # Written out: from the middle of bend i, the beginning of every later bend must be reachable by braking, and the end of
+        # every bend before left by speeding up.
+        others = [math.sqrt(2.0 * radii[j] + 2 * slowdown * (20.0 * abs(j - i) - 10.0)) for j in range(6) if j != i]
+        expected = min([math.sqrt(2.0 * radii[i]), *others])
         assert profile.at(float(s[20 + 40 * i])).speed == pytest.approx(expected, rel=0.05)
 
 
@@ -53,7 +65,7 @@ def test_heading_that_jitters_from_pose_to_pose_does_not_stop_the_car() -> None:
     s = np.arange(0, 200, 0.1)
     jitter = 0.002 * (-1.0) ** np.arange(len(s))  # between poses 0.1 m apart: curvature 0.04 1/m, 7 m/s
     path = ReferencePath(poses=np.column_stack([s, np.zeros_like(s), jitter]))
-    assert SpeedProfile.of(path, spec=RegulatedSpec()).at(100.0).speed > 30.0
+    assert SpeedProfile.of(path, spec=RegulatedSpec()).at(100.0).speed > 29.0
 
 
 @pytest.mark.parametrize("path", [work_zone_path(), curved_road_path()])

@@ -25,7 +25,9 @@ class RegulatedSpec(Spec):
     understeer_rad_per_mps2: float = Field(default=0.0, ge=0)  # steering beyond the Ackermann angle
     rear_slip_rad_per_mps2: float = Field(default=0.0, ge=0)  # heading inside the course, at the rear axle
     max_lateral_mps2: float = Field(default=2.0, gt=0)  # v^2 curvature, the planner's own limit
-    slowdown_mps2: float = Field(default=1.5, gt=0)  # towards a lower speed ahead; gentler than the b = 2 m/s2 of car following
+    slowdown_mps2: float = Field(default=1.0, gt=0)  # towards a lower speed ahead; half of the b = 2 m/s2 of car following
+    # Out of a bend. From one to the other within a second is below the jerk of 2.5 m/s3 of ISO 15622.
+    speedup_mps2: float = Field(default=0.75, gt=0)
     speed_preview_s: float = Field(default=0.5, ge=0)  # the limit is read so far ahead, for the lag of the power train
     stop_at_goal: bool = False  # the paper drives through its goal at v = 10 m/s
 

@@ -32,7 +32,10 @@ class SpeedProfile:
 
     @classmethod
     def of(cls, path: ReferencePath, *, spec: RegulatedSpec) -> Self:
-        """Profile of a path: v^2 <= a_lateral / curvature, reached by braking with `slowdown_mps2`."""
+        """Profile of a path: v^2 <= a_lateral / curvature, reached by braking with `slowdown_mps2`, left with `speedup_mps2`.
+
+        An ego that sped up freely between two bends would brake for the second at once: a surge.
+        """
         kept = distinct_poses(path)
         stations = arc_length(path.poses[kept, :2])
         squares = spec.max_lateral_mps2 / np.maximum(np.abs(_mean_curvature(stations, path.poses[kept, 2])), 1e-9)
@@ -41,6 +44,9 @@ class SpeedProfile:
         # v_i^2 <= v_j^2 + 2 b (s_j - s_i) for every j ahead: a running minimum from the end.
         braked = squares + 2 * spec.slowdown_mps2 * stations
         squares = np.minimum.accumulate(braked[::-1])[::-1] - 2 * spec.slowdown_mps2 * stations
+        # And v_j^2 <= v_i^2 + 2 a (s_j - s_i) for every i behind.
+        driven = squares - 2 * spec.speedup_mps2 * stations
+        squares = np.minimum.accumulate(driven) + 2 * spec.speedup_mps2 * stations
         return cls(stations=tuple(stations.tolist()), squares=tuple(np.maximum(squares, 0.0).tolist()))
 
     def at(self, station_m: float) -> Pace:
