@@ -89,18 +89,24 @@ def _max_p_under(poses: FloatArray, terrain: Terrain, body: Body) -> FloatArray:
 
 @njit(cache=True, error_model="numpy")
 def _min_clearance(poses: FloatArray, max_p_occupied: float, terrain: Terrain, body: Body, limit_m: float) -> float:
-    """Least distance [m] of the outline from a blocked cell, at most `limit_m`."""
+    """Least distance [m] of the outline from a blocked cell, at most `limit_m`.
+
+    The pose whose discs are nearest comes first: its distance leaves few other poses to be looked at.
+    """
     p_occupied, resolution, best = terrain.p_occupied, terrain.resolution, limit_m
     rows, cols = p_occupied.shape
+    bounds = np.full(len(poses), math.inf)
     for i in range(len(poses)):
         x, y, cos, sin = poses[i, 0], poses[i, 1], math.cos(poses[i, 2]), math.sin(poses[i, 2])
-        bound = math.inf
         for offset in body.disc_offsets:
             row, col = math.floor((y + sin * offset) / resolution), math.floor((x + cos * offset) / resolution)
             inside = 0 <= row < rows and 0 <= col < cols
-            bound = min(bound, (terrain.distance[row, col] if inside else 0.0) - body.disc_radius - resolution * 0.7072)
-        if bound >= best:
-            continue
+            away = terrain.distance[row, col] if inside else 0.0
+            bounds[i] = min(bounds[i], away - body.disc_radius - resolution * 0.7072)
+    for i in np.argsort(bounds):
+        if bounds[i] >= best:
+            break
+        x, y, cos, sin = poses[i, 0], poses[i, 1], math.cos(poses[i, 2]), math.sin(poses[i, 2])
         # Cells that the outline would touch if it were larger by the least distance so far on all sides.
         rear, front, half_width = body.rear - best, body.front + best, body.half_width + best
         first, last = rows_crossed(y, cos, sin, rear, front, half_width, resolution)
