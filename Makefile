@@ -1,7 +1,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup scenario baselines sweep report test numbers docs fuzz mutants bench lock clean
+.PHONY: help setup scenario baselines sweep report keys test numbers docs fuzz mutants bench lock clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -29,6 +29,12 @@ sweep: setup  ## run a study of some two minutes into results/how_many_traces; a
 
 report: setup  ## tables, figures and report.html of that study
 	$(BIN)/wzsumo report results/how_many_traces
+
+keys: setup  ## write the reference of keys and the JSON Schemas anew, from the models
+	$(BIN)/wzsumo schema --quiet --out scenarios/scenario.schema.json
+	$(BIN)/wzsumo schema study --quiet --out scenarios/studies/study.schema.json
+	$(BIN)/wzsumo schema --markdown --quiet --out docs/guide/keys.md
+	$(BIN)/wzsumo schema study --markdown --quiet --out docs/guide/study_keys.md
 
 test: setup  ## lint, types and tests; stops at the first stage that fails and names it
 	@run() { echo "== $$*" >&2; "$$@" || { code=$$?; echo "make test: $$1 failed (exit code $$code)" >&2; exit $$code; }; }; \

@@ -22,8 +22,8 @@ FREEWAY_FFS_MPH = (55.0, 75.0)  # free-flow speeds of the manual's basic freeway
 class SiteSpec(Spec):
     """What the capacity model needs to know about the zone's site: area, light, barrier, speeds, ramps."""
 
-    area: Literal["urban", "rural"] = "urban"
-    light: Literal["day", "night"] = "day"
+    area: Literal["urban", "rural"] = "urban"  # f_AT of HCM 7, Eq. 10-8
+    light: Literal["day", "night"] = "day"  # f_DN, ibid.
     barrier: Literal["soft", "hard"] | None = None  # soft: cones, drums; hard: concrete; None: as the zone's devices are
     lateral_distance_ft: float = Field(
         0.0, ge=0, le=12

@@ -7,6 +7,7 @@ it: 130 interrupted (SIGINT), 143 terminated (SIGTERM), 129 (SIGHUP), 141 where 
 import argparse
 import json
 import os
+import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -17,7 +18,10 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from wzsumo import __version__
-from wzsumo.errors import InputError, one_line
+from wzsumo.commands.terminal.completion import SHELLS, completion_option
+from wzsumo.commands.terminal.progress import telling_of_compiling
+from wzsumo.commands.terminal.words import lines_of
+from wzsumo.errors import InputError, did_you_mean, one_line
 
 # One thread per library: matrices here are small, and more threads make the fits slower.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -26,7 +30,8 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 ABOUT = """\
 Can an automated vehicle learn from the traces of the cars ahead of it where it may drive through a work zone?
 
-  wzsumo run scenarios/paper.toml --out results/paper     the whole case: SUMO traffic, maps, plans, drives, report.html
+  wzsumo run right_lane --out results/right_lane          a zone of the library: SUMO traffic, maps, plans, drives, report.html
+  wzsumo init right_lane --out mine.toml                  the same zone as a file of your own, to change and run
   wzsumo map traces.parquet --out out                     a ROS map from your own traces; no SUMO needed
   wzsumo plan out/map.yaml --start 10 0 0 --goal 500 0 0 --out path.csv
 """
@@ -46,6 +51,7 @@ COMMANDS = {
     "report": "write figures, tables and report.html of a run's or a sweep's folder",
     "ground": "label the ground points of a cloud by SMRF: 1 = ground",
     "register": "find the 4 x 4 transform that takes one cloud to another",
+    "schema": "print the JSON Schema of scenario or study files, for editors",
     "warm": "compile all kernels once (set-up does it)",
 }
 
@@ -66,6 +72,9 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Exit with 2."""
+        if wrong := re.search(r"argument COMMAND: invalid choice: '([^']*)'", message):
+            known = ", ".join(COMMANDS)
+            message = f"{wrong[1]}: no such command{did_you_mean(wrong[1], COMMANDS, cutoff=0.6)}; there are {known}"
         self.exit(2, f"wzsumo: {one_line(message, limit=1000)}; see {self.prog} --help\n")
 
 
@@ -77,9 +86,13 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
             stream.reconfigure(errors="backslashreplace")  # a terminal may know ASCII alone, and names of files may be no UTF-8
     try:
         with _ended_by_signals():
-            _run(words)
+            try:
+                _run(words)
+            finally:
+                sys.stdout.flush()  # here, and not as Python ends, where a closed pipe could no longer be told
     except InputError as error:
-        print(f"wzsumo: {one_line(str(error))}", file=sys.stderr)
+        for mistake in error.args:
+            print(f"wzsumo: {one_line(str(mistake))}", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is still to be flushed at the end
@@ -98,18 +111,20 @@ def _run(words: list[str]) -> None:
         words = getattr(import_module(f"wzsumo.commands.{words[0]}"), "prepared", list)(words)
     args = parser.parse_args(words)
     command = import_module(f"wzsumo.commands.{args.command}")
-    figures = command.run(args)
+    with telling_of_compiling(args):
+        figures = command.run(args)
     if args.json:
         print(json.dumps(figures))
     else:
         getattr(command, "tell", _tell)(figures, args)
-    sys.stdout.flush()
-    if reason := getattr(command, "failure", _none)(figures):
+        if not args.quiet and (step := getattr(command, "next_step", _nothing)(figures, args)):
+            print(f"next: {step}")
+    if reason := getattr(command, "failure", _nothing)(figures, args):
         print(f"wzsumo: {one_line(reason)}", file=sys.stderr)
         sys.exit(1)
 
 
-def _none(_figures: dict[str, Any]) -> str:
+def _nothing(_figures: dict[str, Any], _args: argparse.Namespace) -> str:
     return ""
 
 
@@ -137,10 +152,15 @@ def _parser(words: Sequence[str]) -> OneLineParser:
     """The parser for these words. It imports only the commands among them, since some modules load slowly."""
     parser = OneLineParser(prog="wzsumo", description=ABOUT, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--version", action="version", version=f"wzsumo {__version__}")
+    parser.add_argument(
+        "--completion", choices=SHELLS, action=completion_option(whole_parser),
+        help='print the script for a shell: eval "$(wzsumo --completion bash)" in ~/.bashrc',
+    )  # fmt: skip
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, about in COMMANDS.items():
         sub = commands.add_parser(name, help=about, formatter_class=argparse.RawDescriptionHelpFormatter)
         sub.add_argument("--json", action="store_true", help="print the figures as one JSON object on stdout")
+        sub.add_argument("--quiet", action="store_true", help="say nothing on the way: no progress, no advice; errors are told")
         if name in words:
             module = import_module(f"wzsumo.commands.{name}")
             sub.description = f"{about}\n\n{getattr(module, 'MORE', '')}"
@@ -148,6 +168,11 @@ def _parser(words: Sequence[str]) -> OneLineParser:
     return parser
 
 
+def whole_parser() -> argparse.ArgumentParser:
+    """The parser with the arguments of every command."""
+    return _parser(list(COMMANDS))
+
+
 def _tell(figures: dict[str, Any], _args: argparse.Namespace) -> None:
-    for key, value in figures.items():
-        print(f"{key}: {round(value, 3) if isinstance(value, float) else one_line(str(value), limit=100_000)}")
+    for line in lines_of(figures):
+        print(line)

@@ -1,9 +1,10 @@
-"""Named errors, and what they show of the input. An `InputError` is one that the user can remedy: one line, exit code 2."""
+"""Named errors, and what they show of the input. An `InputError` is one that the user can remedy: exit code 2."""
 
+import difflib
 import reprlib
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,7 +22,10 @@ DAMAGED: tuple[type[Exception], ...] = (
 
 
 class InputError(Exception):
-    """Bad input: the message says what was given, the rule and the remedy. The command line exits with 2."""
+    """Bad input: each message says what was given, the rule and the remedy. The command line prints them and exits with 2."""
+
+    def __str__(self) -> str:
+        return "; ".join(map(str, self.args))
 
 
 class SpecError(InputError):
@@ -94,6 +98,16 @@ def one_line(text: str, *, limit: int = MAX_LINE) -> str:
     words = " ".join(text[: 4 * limit].split())
     words = "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii") for c in words)
     return words if len(words) <= limit else f"{words[: limit - 3]}..."
+
+
+def did_you_mean(given: str, known: Iterable[str], *, cutoff: float = 0.75) -> str:
+    """A question that names the nearest of the known words, to follow what was given; "" where none is near (`cutoff`: least likeness).
+
+    >>> did_you_mean("rigth_lane", ["left_lane", "right_lane"])
+    ' (did you mean right_lane?)'
+    """
+    near = difflib.get_close_matches(given[:MAX_SHOWN], list(known), n=2, cutoff=cutoff)
+    return f" (did you mean {' or '.join(near)}?)" if near else ""
 
 
 def check_file(path: Path, *, error: type[InputError], remedy: str, max_bytes: float = float("inf")) -> None:

@@ -171,8 +171,8 @@ class Bend(Spec):
     The radius is that of the middle of all lanes.
     """
 
-    length_ft: float = Field(gt=0, le=MAX_ROAD_FT)
-    radius_ft: float | None = None
+    length_ft: float = Field(gt=0, le=MAX_ROAD_FT)  # along the piece
+    radius_ft: float | None = None  # of the middle of all lanes; positive turns left; None: a straight
     # A clothoid-like transition from radius_ft (or straight) to this radius, or to a straight; None: the radius stays.
     end_radius_ft: float | Literal["straight"] | None = None
 
@@ -190,8 +190,8 @@ class RoadSpec(Spec):
     lane_count: int = Field(ge=1, le=8)  # in the direction of travel
     opposing_lane_count: int = Field(0, ge=0, le=4)  # to their left, without a median; 0: a divided or one-way road
     lane_width_ft: float = Field(12.0, ge=10, le=16)  # 12 ft: AASHTO Green Book, freeway lane; 10 ft: MUTCD 6G, narrowest
-    left_shoulder_ft: float = Field(ge=0, le=30)
-    right_shoulder_ft: float = Field(ge=0, le=30)
+    left_shoulder_ft: float = Field(ge=0, le=30)  # paved; 0: none
+    right_shoulder_ft: float = Field(ge=0, le=30)  # paved; 0: none
     length_ft: float | None = Field(None, gt=0, le=MAX_ROAD_FT)  # of a straight road; or:
     alignment: tuple[Bend, ...] = ()  # straights, arcs and transitions, or:
     reference_points_m: tuple[tuple[float, float], ...] = Field(

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 import tomli_w
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from wzsumo.errors import MAX_SHOWN, SpecError, check_file, one_line, reading, shown
+from wzsumo.errors import MAX_SHOWN, SpecError, check_file, did_you_mean, one_line, reading, shown
 
 MAX_SEED = 2**31 - 1  # SUMO reads its seed as a signed whole number of 32 bits, and drops a larger one
 
@@ -52,7 +52,7 @@ def parse_spec(kind: type[SpecT], content: dict[str, Any], *, source: str) -> Sp
     try:
         return kind.model_validate(content)
     except ValidationError as error:
-        raise SpecError("; ".join(f"{source}: {mistake}" for mistake in describe_mistakes(kind, error))) from None
+        raise SpecError(*(f"{source}: {mistake}" for mistake in describe_mistakes(kind, error))) from None
     except RecursionError:
         raise SpecError(f"{source}: nested too deeply") from None
 
@@ -75,7 +75,7 @@ def known_keys(kind: type[BaseModel], section: tuple[Any, ...]) -> list[str]:
     for part in section:
         if isinstance(part, int):
             continue
-        model = _spec_in(model.model_fields[part].annotation)
+        model = spec_in(model.model_fields[part].annotation)
         if model is None:
             return []
     return sorted(model.model_fields)
@@ -109,8 +109,9 @@ def _without_none(content: Any) -> Any:
 def _describe(kind: type[BaseModel], mistake: Any) -> str:
     key = one_line(".".join(str(part) for part in mistake["loc"]), limit=MAX_SHOWN)
     if mistake["type"] == "extra_forbidden":
-        known = ", ".join(known_keys(kind, mistake["loc"][:-1]))
-        return f"{key}: unknown key (given {shown(mistake['input'])}); known here: {known}"
+        known = known_keys(kind, mistake["loc"][:-1])
+        near = did_you_mean(str(mistake["loc"][-1]), known)
+        return f"{key}: unknown key (given {shown(mistake['input'])}){near}; known here: {', '.join(known)}"
     if mistake["type"] == "missing":
         return f"{key}: missing; this key must be given"
     # The package's own rules raise ValueError, and pydantic puts "Value error, " before their messages.
@@ -120,7 +121,7 @@ def _describe(kind: type[BaseModel], mistake: Any) -> str:
     return f"{key}={shown(mistake['input'])}: {rule}"
 
 
-def _spec_in(annotation: Any) -> type[BaseModel] | None:
+def spec_in(annotation: Any) -> type[BaseModel] | None:
     """The model in list[Model], Model | None or Model itself."""
     candidates = (annotation, *getattr(annotation, "__args__", ()))
     return next((a for a in candidates if isinstance(a, type) and issubclass(a, BaseModel)), None)

@@ -21,7 +21,7 @@ class VehicleGeometry(Spec):
     width_m: float = Field(1.86, gt=0, le=30)  # 1.85 m between the outlines of the paper's Figure 11, rounded up
     wheelbase_m: float = Field(2.85, gt=0, le=30)  # mid-size sedan
     rear_overhang_m: float = Field(0.92, ge=0, le=30)  # length - wheelbase - front overhang (0.87 m)
-    max_steering_deg: float = Field(35.0, gt=0, lt=90)
+    max_steering_deg: float = Field(35.0, gt=0, lt=90)  # of the front wheels; a turning circle of some 11 m
 
     @model_validator(mode="after")
     def _axles_inside_the_outline(self) -> Self:

@@ -50,13 +50,13 @@ class WorkZone(Spec):
     posted_speed_mph: float = Field(ge=20, le=75)  # the range of MUTCD 11th ed. Table 6B-2
     road_type: RoadType = RoadType.FREEWAY  # decides the distances of the signs; the paper's road is a freeway
     typical_application: str | None = None  # such as "TA-33"; a zone that differs from the figure in the manual is refused
-    start_ft: float = Field(ge=0, le=MAX_ROAD_FT)  # station of the first device
+    start_ft: float = Field(ge=0, le=MAX_ROAD_FT)  # station of the first device; in a network [network] says the place
     closed_lanes: tuple[int, ...] = ()  # 0 = rightmost; adjacent lanes
     closed_shoulder: Side | None = None  # for an interior closure: the side whose outer lane closes first
     shift_ft: float = Field(0.0, ge=0, le=100)  # by which the open lanes move away from the closed side
     shifted_lane_width_ft: float | None = Field(None, ge=10, le=16)  # None: the lane's own; 10 ft: MUTCD 6G, narrowest
     one_lane_two_way: Literal["signal", "flaggers"] | None = None  # both directions take turns on the opposing lane
-    work_length_ft: float = Field(gt=0, le=MAX_ROAD_FT)
+    work_length_ft: float = Field(gt=0, le=MAX_ROAD_FT)  # of the work space, between the buffer and the downstream taper
     taper_tangent_ft: float | None = Field(
         None, le=MAX_ROAD_FT
     )  # between two tapers; None: 2 L between merging tapers, L/2 before a shift
@@ -65,10 +65,10 @@ class WorkZone(Spec):
         None, ge=0, le=MAX_ROAD_FT
     )  # longitudinal buffer ahead of the work space; None: stopping sight distance
     downstream_taper_ft: float = Field(100.0, ge=50, le=100)  # per lane, MUTCD 11th ed. Table 6B-3
-    device: DeviceKind = DeviceKind.CONE_36_IN
+    device: DeviceKind = DeviceKind.CONE_36_IN  # along tapers and, where work_space_device is left out, everywhere
     work_space_device: DeviceKind | None = None  # beside the activity area; None: as `device`
     device_gaps_ft: tuple[tuple[float, float], ...] = ()  # stretches, from start_ft on, where devices are missing
-    manual: Literal["MUTCD 11th edition"] = "MUTCD 11th edition"
+    manual: Literal["MUTCD 11th edition"] = "MUTCD 11th edition"  # whose lengths and spacings are laid out
 
     @field_validator("taper_tangent_ft")
     @classmethod

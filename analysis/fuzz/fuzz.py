@@ -3,8 +3,8 @@
     .venv/bin/python analysis/fuzz/fuzz.py --inputs 3000 --seed 1 --out results/fuzz
 
 Input N of seed S is the same in every run: --only N makes it again and shows what it says. An input passes where it ends
-with 0, or with 2 and one line of printable characters, within 60 s of processor time and 4 GiB of address space beyond what the
-start takes, and leaves nothing half-written. Everything else is kept in OUT/failures.
+with 0, or with 2 and a line of printable characters a mistake, within 60 s of processor time and 4 GiB of address space beyond
+what the start takes, and leaves nothing half-written. Everything else is kept in OUT/failures.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from typing import Any
 from inputs import KINDS, REPOSITORY
 
 LIMIT_S, LIMIT_BYTES = 60, 4 * 2**30
-MAX_LINE = 4200  # characters of the one line
+MAX_SAID = 21 * 4200  # characters of 20 mistakes and of the line that counts the others
 
 
 def main() -> None:
@@ -146,10 +146,10 @@ def _ending(code: int, said: str, folder: Path) -> str:
     if code == 0:
         return "done"
     lines = [line for line in said.splitlines() if line.startswith("wzsumo: ")]
-    rest = said.split("wzsumo: ", 1)[-1]
-    if code == 2 and lines and rest.count("\n") == 1 and len(rest) < MAX_LINE and rest.rstrip("\n").isprintable():
+    rest = said[said.find("wzsumo: ") :].splitlines()
+    if code == 2 and lines and rest == lines and sum(map(len, lines)) < MAX_SAID and all(line.isprintable() for line in lines):
         return "refused"
-    return f"exit {code}, not in one line"
+    return f"exit {code}, not a line a mistake"
 
 
 def _in_process(words: list[str], *, limits: bool, cwd: Path | None = None) -> tuple[int, str, float]:

@@ -21,7 +21,7 @@ from wzsumo.files.export.opendrive import opendrive_xml
 from wzsumo.files.lanes import LanesFile
 from wzsumo.geography import local_frame
 from wzsumo.mutcd.laid_out_lanes import laid_out_lanes
-from wzsumo.scenario.library import library_zones
+from wzsumo.scenario.library import ZONES, library_files
 from wzsumo.scenario.scenario import load_scenario
 from wzsumo.simulation.connection import sumo_binary
 from wzsumo.units import mps_from_mph
@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--qc", help="the program qc_opendrive")
     args = parser.parse_args()
     rows = []
-    for name, path in library_zones().items():
+    for name, path in library_files(ZONES).items():
         scenario = load_scenario(path)
         content = LanesFile(lanes=laid_out_lanes(scenario.layout()), frame=local_frame([[LON, LAT]]))
         limit = mps_from_mph(scenario.work_zone.posted_speed_mph)

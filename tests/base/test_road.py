@@ -73,7 +73,10 @@ def test_road_with_a_repeated_point_is_refused() -> None:
     [
         ({"length_ft": -100}, r"road\.toml: length_ft=-100: "),
         ({"lane_count": 0}, r"road\.toml: lane_count=0: "),
-        ({"lane_widht_ft": 12}, r"lane_widht_ft: unknown key \(given 12\); known here: .*lane_width_ft"),
+        (
+            {"lane_widht_ft": 12},
+            r"lane_widht_ft: unknown key \(given 12\) \(did you mean lane_width_ft\?\); known here: alignment",
+        ),
         ({"alignment": [{"length_ft": 100}]}, r"exactly one of length_ft, alignment, reference_points_m"),
         ({"length_ft": None}, r"exactly one of .*given: none"),
         ({"length_ft": None, "alignment": [{"length_ft": 100, "radius_ft": 0}]}, r"radius_ft=0 is no bend"),

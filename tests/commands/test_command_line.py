@@ -1,4 +1,5 @@
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -47,8 +48,8 @@ def straight_trace_file(path: Path) -> None:
     [
         ({"posted_speed_mph": "posted_speed_mph = 42"}, ["posted_speed_mph=42", "40 and 45", "post 40 or 45"]),
         ({"closed_lanes": "closed_lanes = [0, 1, 2]"}, ["closed_lanes=(0, 1, 2)", "must leave open"]),
+        ({"flow_vph": "flow_vhp = 1500"}, ["simulation.demand.flow_vhp", "unknown key", "did you mean flow_vph?", "truck_share"]),
         ({"work_length_ft": "work_length_ft = -650"}, ["work_zone.work_length_ft=-650", "greater than 0"]),
-        ({"work_length_ft": "work_length_m = 200"}, ["work_zone.work_length_m", "unknown key", "work_length_ft"]),
         ({"used": "used = 31"}, ["crowd.used=31", "crowd.collected=30"]),
         ({"start_lane": "start_lane = 3"}, ["route.start_lane=3", "0..2"]),
         (
@@ -85,6 +86,61 @@ def test_scenario_that_cannot_be_is_refused_in_one_line_with_its_rule(
     assert err.count("\n") == 1
     assert all(part in err for part in [str(spec), *says]), err
     assert not (tmp_path / "out").exists()
+
+
+def test_mistakes_of_a_scenario_are_told_at_once_a_line_each(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    changes = {"work_length_ft": "work_length_m = 200", "flow_vph": "flow_vph = -1", "used": 'used = "5"', "start_lane": ""}
+    spec = paper_with(tmp_path, **changes)
+    code, out, err = run(capsys, "layout", spec, "--out", tmp_path / "out")
+    lines = err.splitlines()
+    assert (code, out) == (2, "")
+    assert all(line.startswith(f"wzsumo: {spec}: ") for line in lines)
+    for part in (
+        "work_zone.work_length_m: unknown key", "work_zone.work_length_ft: missing", "flow_vph=-1: ", "crowd: used='5': ",
+        "route.start_lane: missing",
+    ):  # fmt: skip
+        assert sum(part in line for line in lines) == 1, (part, err)
+    assert len(lines) == 5
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("sweep", "paper", "--out", "x"), "is a scenario, not a study; run it with `wzsumo run "),
+        (("run", "how_many_traces", "--out", "x"), "is a study, not a scenario; run it with `wzsumo sweep "),
+        (("run", "SWEPT", "--out", "x"), "add --case NAME"),
+        (("sweep", "SWEPT", "--out", "x"), "give the study's file"),
+        (("run", "RAN", "--out", "x"), "scenario.toml"),
+        (("run", "papre", "--out", "x"), "did you mean paper?"),
+        (("lay", "paper", "--out", "x"), "did you mean layout?"),
+        (("run", "paper", "--out", "x", "--method", "lane"), "did you mean lanes?"),
+    ],
+)
+def test_word_for_another_command_or_with_a_slip_is_answered_with_the_right_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+) -> None:
+    folders = {"SWEPT": ("swept", "study.json"), "RAN": ("ran", "result.json")}
+    for folder, file in folders.values():
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / file).write_text("{}")
+    given = [str(tmp_path / folders[word][0]) if word in folders else word for word in words]
+    code, _, err = run(capsys, *(str(tmp_path / "x") if word == "x" else word for word in given))
+    assert (code, err.count("\n")) == (2, 1)
+    assert says in err
+
+
+def test_advice_to_lengthen_the_road_helps_when_it_is_followed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The lengths are such that whole feet, rounded down, would not do."""
+    for length_ft in (4000, 4859.7, 4860.1, 4860.4):
+        spec = paper_with(tmp_path, length_ft=f"length_ft = {length_ft}")
+        code, _, err = run(capsys, "layout", spec, "--out", tmp_path / "out")
+        if code == 0:
+            continue
+        (advice,) = re.findall(r"lengthen the road by (\d+) ft", err)
+        assert int(advice) > 0
+        spec = paper_with(tmp_path, length_ft=f"length_ft = {length_ft + int(advice)}")
+        code, _, err = run(capsys, "net", spec, "--out", tmp_path / "out")
+        assert (code, err) == (0, "")
 
 
 def test_capacity_command_prints_what_the_manual_gives_for_the_papers_zone(capsys: pytest.CaptureFixture[str]) -> None:

@@ -32,7 +32,7 @@ def started(*words: object, folder: Path, **options: Any) -> "subprocess.Popen[b
 
 
 def is_simulating(process: "subprocess.Popen[bytes]") -> bool:
-    """Whether SUMO has begun to simulate: its progress bar, the first, shows more than nothing."""
+    """Whether SUMO has begun to simulate: the first line about its progress tells more than nothing."""
     assert process.stderr is not None
     read = b""
     while piece := process.stderr.read(1):

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from wzsumo.cli import main
+from wzsumo.errors import SpecError
 from wzsumo.geography import local_frame
 from wzsumo.scenario.scenario import load_scenario
+from wzsumo.sweep.study_file import load_study
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 PLACE = local_frame([[-93.6, 41.6]])
@@ -51,8 +53,37 @@ LEFT_CLOSED = lanes(
 def test_scenario_of_the_library_is_copied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, _, _ = init(capsys, "paper", "--out", tmp_path / "mine.toml")
     assert code == 0
-    assert (tmp_path / "mine.toml").read_bytes() == (SCENARIOS / "paper.toml").read_bytes()
-    assert init(capsys)[1]["zones"] == sorted(path.stem for path in SCENARIOS.glob("*.toml"))
+    assert load_scenario(tmp_path / "mine.toml") == load_scenario(SCENARIOS / "paper.toml")
+    assert (tmp_path / "mine.toml").read_text().startswith((SCENARIOS / "paper.toml").read_text().partition("#:schema")[0])
+    assert (tmp_path / "scenario.schema.json").read_bytes() == (SCENARIOS / "scenario.schema.json").read_bytes()
+    listed = init(capsys)[1]
+    assert listed["zones"] == sorted(path.stem for path in SCENARIOS.glob("*.toml"))
+    assert (listed["networks"], "how_many_traces" in listed["studies"]) == (["freeway"], True)
+
+
+def test_scenario_in_a_network_and_study_run_from_where_they_were_copied_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert init(capsys, "freeway", "--out", tmp_path / "mine.toml")[0] == 0
+    network = load_scenario(tmp_path / "mine.toml").network
+    assert network is not None
+    assert network.net == tmp_path / "freeway" / "freeway.net.xml"
+    assert init(capsys, "how_many_traces", "--out", tmp_path / "study.toml")[0] == 0
+    assert len(load_study(tmp_path / "study.toml").cases) == 2 * 2 * 4 * 2 * 3 * 4
+
+
+def test_scenario_is_run_by_its_name_and_a_file_of_that_name_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("right_lane") == load_scenario(SCENARIOS / "right_lane.toml")
+    (tmp_path / "right_lane").mkdir()  # such as the folder of an earlier result
+    assert load_scenario("right_lane").name == "right_lane"
+    (tmp_path / "right_lane").rmdir()
+    (tmp_path / "right_lane").write_bytes((SCENARIOS / "left_lane.toml").read_bytes())
+    assert load_scenario("right_lane").name == "left_lane"
+    with pytest.raises(SpecError, match=r"rigth_lane: no such file; .*did you mean right_lane.*it has confusing, double_clo"):
+        load_scenario("rigth_lane")
+    with pytest.raises(SpecError, match=r"how_many: no such file; no study of the library \(did you mean|how_many: .*it has"):
+        load_study(Path("how_many"))
 
 
 def test_file_that_is_there_is_not_written_over(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -62,7 +93,7 @@ def test_file_that_is_there_is_not_written_over(tmp_path: Path, capsys: pytest.C
     assert "is there already" in err
     assert (tmp_path / "mine.toml").read_text() == "mine"
     code, _, err = init(capsys, "papre")
-    assert (code, "no scenario of the library; it has confusing" in err) == (2, True)
+    assert (code, "no scenario or study of the library (did you mean paper?); it has confusing" in err) == (2, True)
 
 
 def test_event_becomes_a_scenario_of_its_lanes_speed_place_and_length(

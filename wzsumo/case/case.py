@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from wzsumo.case.crowd import Crowd, reported_traces
+from wzsumo.case.crowd import Crowd, reported_traces, with_traces_at_hand
 from wzsumo.case.evaluation import MethodResult, evaluate, plan_to_open_lane
 from wzsumo.case.lidar_baseline import LidarBaseline
 from wzsumo.case.map_method import MapMethod, Source
@@ -22,7 +22,7 @@ from wzsumo.scenario.site import prepare_site
 class CaseResult:
     """Everything that a case gives; `write_case` writes it to files."""
 
-    scenario: Scenario
+    scenario: Scenario  # as it was run
     fleet: FleetMeasures
     collected: pd.DataFrame  # the reported traces
     crowd: Crowd  # made of the used ones among them
@@ -30,12 +30,14 @@ class CaseResult:
     methods: dict[str, MethodResult]
     to_open_lane: dict[str, Plan]  # the plans to the goal in the open lane
     seconds: dict[str, float]  # wall-clock time of each step
+    warnings: list[str]  # what the case could not have, and took instead
 
 
 def run_case(scenario: Scenario, *, methods: Sequence[MapMethod], sumo_folder: Path, watch: Watch) -> CaseResult:
     """The results of the methods in a scenario. SUMO's files are written to `sumo_folder` and stay there."""
     site = prepare_site(scenario)
     zone, fleet = simulate_zone(scenario, site.layout, folder=sumo_folder, watch=watch)
+    scenario, warnings = with_traces_at_hand(scenario, zone.over_zone)
     collected = reported_traces(zone.over_zone, scenario, which="collected")
     sources = Sources(zone=zone, scenario=scenario, site=site, watch=watch)
     crowd = sources.crowd
@@ -58,4 +60,5 @@ def run_case(scenario: Scenario, *, methods: Sequence[MapMethod], sumo_folder: P
         methods=results,
         to_open_lane=to_open_lane,
         seconds=watch.seconds,
+        warnings=warnings,
     )

@@ -56,6 +56,23 @@ def equipped_vehicles(over_zone: pd.DataFrame, scenario: Scenario) -> tuple[list
     return equipped, passed_at_s
 
 
+def with_traces_at_hand(scenario: Scenario, over_zone: pd.DataFrame) -> tuple[Scenario, list[str]]:
+    """(the scenario with as many traces as equipped vehicles passed, where it asks for more; what was changed).
+
+    Raises SpecError where none passed.
+    """
+    equipped, _ = equipped_vehicles(over_zone, scenario)
+    if not equipped:
+        first_traces(equipped, scenario.crowd.collected, key="crowd.collected")
+    n = len(equipped)
+    fewer = {key: n for key in ("collected", "used") if getattr(scenario.crowd, key) > n}
+    said = [
+        f"crowd.{key}={getattr(scenario.crowd, key)}: {n} equipped vehicles passed the zone, whose {n} traces were taken"
+        for key in fewer
+    ]
+    return scenario.model_copy(update={"crowd": scenario.crowd.model_copy(update=fewer)}), said
+
+
 def sets_out_s(over_zone: pd.DataFrame, scenario: Scenario) -> float:
     """Time [s] at which the ego asks to enter the road: after the warm-up, and when the traces of its map have left the zone.
 

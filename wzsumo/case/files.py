@@ -64,6 +64,7 @@ def result_json(result: CaseResult) -> dict[str, Any]:
         "methods": {name: method.figures for name, method in result.methods.items()},
         "slam": lidar_figures(result.lidar) if result.lidar else {},
         "not_run": {} if result.lidar else NOT_RUN,
+        "warnings": result.warnings,
         "timings_s": dict(result.seconds),
     }
 

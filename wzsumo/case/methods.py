@@ -22,7 +22,7 @@ from wzsumo.case.map_method import (
 from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
 from wzsumo.crowd_mapping.mixture.maps import squares_map, swept_map
-from wzsumo.errors import SpecError
+from wzsumo.errors import SpecError, did_you_mean
 from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.scenario import Scenario
@@ -45,7 +45,7 @@ def register(method: MapMethod) -> MapMethod:
 def method_named(name: str) -> MapMethod:
     """The method of that name. Raises SpecError with the known names where there is none."""
     if name not in METHODS:
-        raise SpecError(f"method {name}: unknown; known methods: {', '.join(METHODS)}")
+        raise SpecError(f"method {name}: unknown{did_you_mean(name, METHODS)}; known methods: {', '.join(METHODS)}")
     return METHODS[name]
 
 

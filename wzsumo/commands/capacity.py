@@ -4,7 +4,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from wzsumo.commands.arguments import add_scenario
+from wzsumo.commands.terminal.arguments import add_scenario
 from wzsumo.errors import SpecError
 from wzsumo.scenario.scenario import load_scenario
 

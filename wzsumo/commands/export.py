@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from wzsumo.commands.arguments import add_origin, number
+from wzsumo.commands.terminal.arguments import add_origin, number
 from wzsumo.errors import FeedError, SpecError
 from wzsumo.feeds.check import rule_faults, schema_faults
 from wzsumo.feeds.publication import FeedDetails, published_zone

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wzsumo.commands.arguments import number
+from wzsumo.commands.terminal.arguments import number
 from wzsumo.errors import CloudError, OutputError
 from wzsumo.files.cloud import MIN_SURFACE_POINTS, read_cloud
 from wzsumo.files.output import staged_file

@@ -1,29 +1,40 @@
 """The command `init`: a scenario file to start from, of the library or of a road event in a WZDx feed."""
 
 import argparse
+import json
 import os
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
+from wzsumo.commands.terminal.words import lines_of
 from wzsumo.errors import FeedError, OutputError, SpecError
 from wzsumo.feeds.road_event import RoadEvent, read_feed, road_event, road_events, split_event
 from wzsumo.files.output import write_whole
 from wzsumo.scenario.from_feed import scenario_of_event
-from wzsumo.scenario.library import library_zone, library_zones
+from wzsumo.scenario.keys import json_schema
+from wzsumo.scenario.library import NETWORKS, STUDIES, ZONES, library_file, library_files, purpose
+from wzsumo.scenario.scenario import Scenario, load_scenario
+from wzsumo.scenario.starting_file import starting_text
+from wzsumo.spec import Spec
+from wzsumo.sweep.study_file import StudySpec
 
 MORE = """\
-Without a ZONE it lists the library. --from writes a scenario of a work zone that a state publishes: its lanes, those that are
-closed, shift, speed, place and length; what the feed leaves open is assumed, and listed in the file.
+Without a ZONE it lists the library: zones, zones in a network of their own, studies. `wzsumo run ZONE` runs one as it is.
+--from writes a scenario of a work zone that a state publishes: its lanes, those that are closed, shift, speed, place and
+length; what the feed leaves open is assumed, and listed in the file.
 """
+SCHEMAS = ("scenario.schema.json", "study.schema.json")  # written where they are missing
+LISTED = {"zones": ZONES, "networks": NETWORKS, "studies": STUDIES}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
     source = parser.add_mutually_exclusive_group()
-    source.add_argument("zone", nargs="?", metavar="ZONE", help="a scenario of the library")
+    source.add_argument("zone", nargs="?", metavar="ZONE", help="a scenario or study of the library")
     source.add_argument("--from", dest="feed", metavar="FEED.geojson#ID", help="a road event of a WZDx 4 feed")
     parser.add_argument("--out", type=Path, metavar="FILE.toml", help="the file to write (default: NAME.toml here)")
 
@@ -33,11 +44,59 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if args.feed is not None:
         return _from_feed(args.feed, args.out)
     if args.zone is None:
-        return {"zones": list(library_zones())}
-    source = library_zone(args.zone)
+        return {listed: list(library_files(folder)) for listed, folder in LISTED.items()}
+    source = library_file(args.zone)
     out = _free(args.out or Path(f"{args.zone}.toml"))
-    write_whole(out, source.read_bytes())
-    return {"file": str(out), "zone": args.zone}
+    is_study = source in library_files(STUDIES).values()
+    files = _files_of_study(source, out) if is_study else _files_of_scenario(source, out)
+    for path in files:
+        if path.name not in SCHEMAS:
+            _free(path)
+    for path, content in files.items():
+        if not path.exists():
+            write_whole(path, content)
+    kind = "study" if is_study else "scenario"
+    return {"file": str(out), kind: args.zone, "beside": [str(path) for path in files if path != out]}
+
+
+def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
+    """Print the library, or what was written."""
+    if args.feed is None and args.zone is None:
+        for folder in LISTED.values():
+            for name, path in library_files(folder).items():
+                sys.stdout.write(f"{name:<22} {purpose(path)}\n")
+        return
+    for line in lines_of(figures):
+        sys.stdout.write(f"{line}\n")
+
+
+def next_step(figures: dict[str, Any], _args: argparse.Namespace) -> str:
+    """The command that goes on from here."""
+    if "file" not in figures:
+        return "wzsumo init ZONE --out FILE.toml writes one to change; wzsumo run ZONE --out DIR runs it as it is"
+    name = Path(figures["file"]).stem
+    if "study" in figures:
+        return f"wzsumo sweep {figures['file']} --out results/{name} --dry-run"
+    return (
+        f"wzsumo layout {figures['file']} --out results/{name}_layout, then wzsumo run {figures['file']} --out results/{name}"
+    )
+
+
+def _files_of_scenario(source: Path, out: Path) -> dict[Path, bytes]:
+    """The files to write: a scenario, the schema that its first lines name, and the files of its network."""
+    scenario = load_scenario(source)
+    text = re.sub(r"(?m)^#:schema .*$", f"#:schema ./{SCHEMAS[0]}", source.read_text(encoding="utf-8"))
+    beside = [] if scenario.network is None else scenario.network.files
+    copies = {out.parent / path.relative_to(source.parent): path.read_bytes() for path in beside}
+    return {out: starting_text(text, scenario).encode(), out.parent / SCHEMAS[0]: _schema_text(Scenario)} | copies
+
+
+def _files_of_study(source: Path, out: Path) -> dict[Path, bytes]:
+    return {out: source.read_bytes(), out.parent / SCHEMAS[1]: _schema_text(StudySpec)}
+
+
+def _schema_text(kind: type[Spec]) -> bytes:
+    return (json.dumps(json_schema(kind), indent=1) + "\n").encode()
 
 
 def _from_feed(name: str, out: Path | None) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from wzsumo.commands.arguments import add_out_folder, add_scenario
+from wzsumo.commands.terminal.arguments import add_out_folder, add_scenario
 from wzsumo.figures.layout_figure import draw_zone
 from wzsumo.files.lanes import LanesFile, write_lanes
 from wzsumo.files.layout import layout_geojson, write_layout
@@ -38,3 +38,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "closed_area_m2": layout.closed_area.area,
         "pavement_m2": layout.pavement.area,
     }
+
+
+def next_step(_figures: dict[str, Any], args: argparse.Namespace) -> str:
+    """What to do with what was written."""
+    return f"wzsumo run {args.scenario} --out DIR; {args.out / 'layout.png'} shows the zone"

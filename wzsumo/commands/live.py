@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from wzsumo.commands.arguments import add_out_folder, add_reading, column_names, number
+from wzsumo.commands.terminal.arguments import add_out_folder, add_reading, column_names, number
 from wzsumo.errors import SpecError
 from wzsumo.files.fixes.tables import table_files
 from wzsumo.files.lanes import LanesFile, read_lanes, write_lanes
@@ -73,6 +73,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "twice": folder.counts["twice"], "late": folder.counts["late"], "off_map": folder.counts["off_map"],
         "warnings": _warnings(folder.counts),
     }  # fmt: skip
+
+
+def next_step(_figures: dict[str, Any], args: argparse.Namespace) -> str:
+    """What to do with what was written."""
+    return f"open {args.out / 'live.html'} in a browser"
 
 
 def _write_now(folder: LiveFolder, half_life_s: float) -> None:

@@ -2,7 +2,6 @@
 
 import argparse
 import math
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,16 @@ import pandas as pd
 from wzsumo.case.map_method import Source
 from wzsumo.case.methods import DEFAULT_METHOD, methods_from
 from wzsumo.case.traces_map import crowd_method, map_of_traces
-from wzsumo.commands import progress_bar
-from wzsumo.commands.arguments import add_out_folder, add_reading, cell_edge_m, column_names, compass_bearing, number, seed
+from wzsumo.commands.terminal.arguments import (
+    add_out_folder,
+    add_reading,
+    cell_edge_m,
+    column_names,
+    compass_bearing,
+    number,
+    seed,
+)
+from wzsumo.commands.terminal.progress import progress_of, say
 from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.errors import InputError
@@ -87,18 +94,20 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     Raises InputError where the files make no map of one zone, and where the traces are not on the road.
     """
     method, source = crowd_method(args.method, road=args.road), " ".join(map(str, args.traces))
-    fixes = read_fixes(args.traces, columns=column_names(args.columns), crs=args.crs)
+    with progress_of(args)("reading the traces", 1.0) as tell:
+        fixes = read_fixes(args.traces, columns=column_names(args.columns), crs=args.crs, tell=tell)
     heading = None if args.direction is None else math.pi / 2 - math.radians(args.direction)
-    usable = usable_traces(fixes.table, source=source, heading_rad=heading)
+    with progress_of(args)("checking the fixes", 1.0) as tell:
+        usable = usable_traces(fixes.table, source=source, heading_rad=heading, tell=tell)
     n_fixes, traces = len(fixes.table), usable.traces
     fixes = replace(fixes, table=fixes.table.iloc[:0])  # it may hold millions of fixes
-    _print_dropped(usable.dropped)
+    _say_dropped(args, usable.dropped)
     known = _known_road(args, traces, fixes, source=source)
     before = None if known is None or args.road is None else map_before(known.road, known.announced)
     if before is not None:
         check_on_road(traces, before, source=source, road_source=str(args.road))
     made = map_of_traces(
-        traces, method, source=source, seed=args.seed, resolution_m=args.resolution_m, before=before, progress=progress_bar
+        traces, method, source=source, seed=args.seed, resolution_m=args.resolution_m, before=before, progress=progress_of(args)
     )
     if known is not None and args.road is None and made.lanes:
         known = _told_along(args.zone, made.lanes.axis, traces, fixes, n_lanes=len(made.lanes.lanes))
@@ -126,6 +135,13 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         **_zone_figures(made.lanes),
         "warnings": [*doubts, *made.figures.get("warnings", ())],
     }
+
+
+def next_step(figures: dict[str, Any], args: argparse.Namespace) -> str:
+    """What to do with what was written."""
+    if figures.get("open_lanes") is None:
+        return f"wzsumo plan {args.out / 'map.yaml'} --start X Y DEG --goal X Y DEG --out path.csv"
+    return f"open {args.out / 'zone.html'} in a browser; wzsumo export {args.out} --to opendrive --out FILE hands the lanes on"
 
 
 def _known_road(args: argparse.Namespace, traces: pd.DataFrame, fixes: Fixes, *, source: str) -> KnownRoad | None:
@@ -168,8 +184,8 @@ def _zone_figures(lanes: LaneMap | None) -> dict[str, Any]:
     return {"verified": numbers}
 
 
-def _print_dropped(dropped: pd.DataFrame) -> None:
+def _say_dropped(args: argparse.Namespace, dropped: pd.DataFrame) -> None:
     for vehicle_id, n_fixes, reason in dropped.head(MAX_DROPS_PRINTED).itertuples(index=False):
-        sys.stderr.write(f"left out: {vehicle_id}, {n_fixes} fix(es): {reason}\n")
+        say(args, f"left out: {vehicle_id}, {n_fixes} fix(es): {reason}")
     if len(dropped) > MAX_DROPS_PRINTED:
-        sys.stderr.write(f"left out: {len(dropped) - MAX_DROPS_PRINTED} more; --json lists them all\n")
+        say(args, f"left out: {len(dropped) - MAX_DROPS_PRINTED} more; --json lists them all")

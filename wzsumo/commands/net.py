@@ -3,7 +3,7 @@
 import argparse
 from typing import Any
 
-from wzsumo.commands.arguments import add_out_folder, add_scenario
+from wzsumo.commands.terminal.arguments import add_out_folder, add_scenario
 from wzsumo.files.output import staged_folder
 from wzsumo.scenario.scenario import load_scenario
 
@@ -23,3 +23,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         files = spec.write_sumo_files(stage)
         config = args.out / files.config.relative_to(stage)
     return {"config": str(config), "edges": {edge.id: len(edge.through_lanes) for edge in files.edges}}
+
+
+def next_step(figures: dict[str, Any], _args: argparse.Namespace) -> str:
+    """What to do with what was written."""
+    return f"sumo-gui -c {figures['config']}"

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from wzsumo import api
-from wzsumo.commands.arguments import add_out_folder, number
+from wzsumo.commands.terminal.arguments import add_out_folder, number
 from wzsumo.errors import PlacementError
 
 MORE = """\
@@ -75,6 +75,11 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "n_changes": len(report["changes"]),
         "warnings": report["warnings"],
     }
+
+
+def next_step(figures: dict[str, Any], _args: argparse.Namespace) -> str:
+    """What to do with what was written."""
+    return f"sumo-gui -c {figures['configurations']['closed']}"
 
 
 def _at(edge: str, position: str) -> tuple[str, float]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wzsumo.commands.arguments import number, speed_mps
+from wzsumo.commands.terminal.arguments import number, speed_mps
 from wzsumo.files.output import staged_file
 from wzsumo.files.ros_map import read_map
 from wzsumo.grid import FREE_THRESHOLD

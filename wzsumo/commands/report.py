@@ -27,3 +27,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         if (folder / "result.json").is_file():
             return {"report": str(write_report(folder))}
     raise InputError(f"{folder}: holds no result.json; name the --out folder of a finished `wzsumo run` or `wzsumo sweep`")
+
+
+def next_step(figures: dict[str, Any], _args: argparse.Namespace) -> str:
+    """What to do with what was written."""
+    return f"open {figures['report']} in a browser"

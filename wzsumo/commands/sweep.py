@@ -12,11 +12,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from wzsumo.commands.arguments import add_out_folder, count
+from wzsumo.commands.terminal.arguments import add_out_folder, count
 from wzsumo.errors import SpecError
 from wzsumo.sweep.cluster import ClusterWorkers
 from wzsumo.sweep.estimate import estimate
 from wzsumo.sweep.results import RESULTS, read_results
+from wzsumo.sweep.store import MANIFEST
 from wzsumo.sweep.study_file import load_study
 from wzsumo.sweep.sweep import AddFinished, run_sweep
 from wzsumo.sweep.version import code_version
@@ -42,6 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> dict[str, Any]:
     """Numbers of cases, after running the unfinished ones of a study into a folder; with --dry-run an estimate of the work."""
+    if (args.study / MANIFEST).is_file():
+        raise SpecError(f"{args.study}: holds the results of a study; give the study's file, and this folder as --out")
     study = load_study(args.study)
     cores = args.workers or len(os.sched_getaffinity(0))
     if args.dry_run:
@@ -49,7 +52,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         work = estimate(study, finished=finished)
         return asdict(work) | {"workers": cores, "about_s": round(work.wall_clock_s(cores), 1)}
     pool = ClusterWorkers(args.scheduler, version=code_version) if args.scheduler else LocalWorkers(cores)
-    summary = run_sweep(study, args.out, workers=pool, progress=case_progress, tell=print_message)
+    summary = run_sweep(study, args.out, workers=pool, progress=_untold if args.quiet else case_progress, tell=print_message)
     if summary.n_refused == summary.n_cases:
         reason = read_results(args.out)["reason"].iloc[0]
         raise SpecError(f"{args.study}: none of its {summary.n_cases} cases is possible, the first because: {reason}")
@@ -58,7 +61,12 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     return asdict(summary) | {"results": str(summary.results), "failures": dict(summary.failures)}
 
 
-def failure(figures: dict[str, Any]) -> str:
+def next_step(_figures: dict[str, Any], args: argparse.Namespace) -> str:
+    """The command that goes on from here."""
+    return f"wzsumo sweep {args.study} --out {args.out}" if args.dry_run else f"wzsumo report {args.out}"
+
+
+def failure(figures: dict[str, Any], _args: argparse.Namespace) -> str:
     """Why the command as a whole has failed; "" where every case has a result."""
     n_failed = figures.get("n_failed", 0)
     if not n_failed:
@@ -71,6 +79,11 @@ def failure(figures: dict[str, Any]) -> str:
 def print_message(line: str) -> None:
     """Print a line to stderr, above the progress bar if there is one."""
     tqdm.write(f"wzsumo: {line}", file=sys.stderr)
+
+
+@contextmanager
+def _untold(_finished: int, _total: int) -> Iterator[AddFinished]:
+    yield lambda _count: None
 
 
 @contextmanager

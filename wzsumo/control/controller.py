@@ -25,9 +25,10 @@ from wzsumo.vehicle import VehicleGeometry
 class ControlSpec(Spec):
     """How the ego follows its path and keeps its speed."""
 
-    lateral: Literal["paper", "regulated"] = "regulated"
-    longitudinal: Literal["paper", "tuned"] = "tuned"
-    target_speed_mps: float = Field(default=10.0, ge=0, le=60)  # Chen et al. 2022
+    lateral: Literal["paper", "regulated"] = "regulated"  # steering: the pure pursuit of Chen et al. 2022, or the regulated one
+    longitudinal: Literal["paper", "tuned"] = "tuned"  # speed: the PID of Chen et al. 2022, or the tuned one
+    # In a scenario that gives none: the posted speed. 10 m/s: Chen et al. 2022.
+    target_speed_mps: float = Field(default=10.0, ge=0, le=60)
     min_lookahead_m: float = Field(default=3.0, gt=0)  # ibid.; the law "paper"
     pursuit_length_m: float = Field(default=4.6391, gt=0)  # ibid.: the LENGTH, used as wheelbase; the law "paper"
     goal_tolerance_m: float = Field(default=0.1, ge=0)  # the path's end counts as reached this far before it; chosen by us

@@ -37,8 +37,8 @@ class TunedPidSpec(Spec):
     0.1 s of delay: analysis/benchmarks/control.py.
     """
 
-    kp_1ps: float = Field(default=1.0, ge=0)
-    ki_1ps2: float = Field(default=0.1, ge=0)
+    kp_1ps: float = Field(default=1.0, ge=0)  # of the speed error
+    ki_1ps2: float = Field(default=0.1, ge=0)  # of its integral
     kd: float = Field(default=0.1, ge=0)  # m/s2 of demand per m/s2 measured
     derivative_filter_s: float = Field(default=0.3, gt=0)  # as slow as the power train, of which it cannot see more
     max_acceleration_mps2: float = Field(default=2.0, gt=0)  # ISO 15622, adaptive cruise control at 20 m/s and above

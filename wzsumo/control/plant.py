@@ -29,7 +29,7 @@ class PlantSpec(Spec):
     path at 10 m/s swings out to 10 m and more, and so does a car with 0.1 s of delay and 0.2 s of lag that starts on the path.
     """
 
-    body: Literal["kinematic", "single_track"] = "kinematic"
+    body: Literal["kinematic", "single_track"] = "kinematic"  # without or with tyre slip
     command_delay_s: float = Field(default=0.0, ge=0, le=2)  # from the command to steering and pedals alike
     steering_lag_s: float = Field(default=0.0, ge=0)  # first-order
     max_steering_rate_radps: float | None = Field(default=None, gt=0)  # of the front wheel; None: turns at once

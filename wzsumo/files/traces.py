@@ -1,6 +1,6 @@
 """Trace tables as they are shipped: files and folders of any dialect, and tables from Python."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,17 +28,22 @@ def read_fixes(
     columns: Mapping[str, str] = NO_COLUMNS,
     crs: str | None = None,
     frame: LocalFrame | None = None,
+    tell: Callable[[float], None] = lambda _share: None,
 ) -> Fixes:
     """The fixes of files and folders together, rows not checked; what several files lack is told by `check_traces`.
 
     `columns` names the columns of some meanings (see `fixes.dialects`), `crs` says what plane coordinates are in, `frame` is
-    one that degrees are to be projected to. Raises TraceError where a file is none, and where files do not belong together.
+    one that degrees are to be projected to. `tell` is called with the share that is read. Raises TraceError where a file is
+    none, and where files do not belong together.
     """
     files = [file for path in paths for file in table_files(Path(path))]
+    sizes = np.array([file.stat().st_size for file in files], dtype=float)
+    read_before = np.concatenate([[0.0], np.cumsum(sizes)]) / max(sizes.sum(), 1.0)
     parts: list[Fixes] = []
     of_first: str | None = None
-    for file in files:
+    for file, before, after in zip(files, read_before, read_before[1:], strict=False):
         raw, own_crs = read_table(file)
+        tell(float(before + after) / 2)
         of_first = own_crs if not parts else of_first
         if own_crs != of_first:
             given = f"{own_crs or 'not said'}, that of {files[0]} {of_first or 'not said'}"
@@ -49,6 +54,7 @@ def read_fixes(
         if parts and (part.frame is None) != (parts[0].frame is None):
             raise TraceError(f"{file}: has {_kind(part)}, {files[0]} has {_kind(parts[0])}; give files of one kind")
         parts.append(part)
+        tell(float(after))
     return _joined(parts)
 
 

@@ -52,7 +52,7 @@ class LoamSpec(Spec):
     motion: MotionSpec = MotionSpec()
     # Search radii for the points of a line or a post, and for those of a plane. Set on our simulated drives.
     edge_radius_m: float = Field(default=0.6, gt=0)
-    plane_radius_m: float = Field(default=1.2, gt=0)
+    plane_radius_m: float = Field(default=1.2, gt=0)  # likewise, for planes
     edge_spacing_m: float = Field(default=0.08, gt=0)  # between the map's edge points; chosen by us
     plane_spacing_m: float = Field(default=0.35, gt=0)  # between the map's planar points; chosen by us
     map_deviation_m: float = Field(default=0.01, gt=0)  # sd of the map's position as a whole, per scan; chosen by us

@@ -15,11 +15,13 @@ class PlannerSpec(Spec):
     The paper's way (Chen et al. 2022) is body="point" with inflation_radius_m=0.7, less than half a car's width.
     """
 
-    planned_speed_mps: float = Field(default=10.0, ge=0, le=60)  # 22 mph in Chen et al. 2022; it limits the curvature
+    # It limits the curvature. In a scenario that gives none: the speed of [control]. 10 m/s: Chen et al. 2022.
+    planned_speed_mps: float = Field(default=10.0, ge=0, le=60)
     slowest_share: float = Field(default=0.1, gt=0, le=1)  # of the planned speed, down to which a path is looked for if need be
     max_lateral_acceleration_mps2: float = Field(default=2.0, gt=0)  # comfort limit, chosen by us
+    # plans for the exact outline, or for a point on an inflated map, as Chen et al. 2022
     body: Literal["outline", "point"] = "outline"
-    inflation_radius_m: float = Field(default=0.0, ge=0)
+    inflation_radius_m: float = Field(default=0.0, ge=0)  # by which occupied cells grow; goes with body "point"
     max_p_occupied: float = Field(default=FREE_THRESHOLD, gt=0, le=1)  # cells from here on are blocked: unknown is not free
     preferred_clearance_m: float = Field(default=1.0, gt=0)  # of the outline; a path with less of it costs more
     clearance_cost: float = Field(default=8.0, ge=0)  # a metre without clearance costs 1 + this
@@ -29,7 +31,7 @@ class PlannerSpec(Spec):
     guide_reach_m: float = Field(default=1.83, gt=0)  # half a 12 ft lane (AASHTO Green Book); being farther off costs no more
     heuristic_weight: float = Field(default=1.2, ge=1)  # 1: cheapest path; more: found sooner
     max_expansions: int = Field(default=100_000, ge=1)  # takes about half a second
-    smooth: bool = True
+    smooth: bool = True  # whether the path found is smoothed
     max_curvature_jump_1pm: float = Field(default=0.002, gt=0)  # between poses of the path, 0.5 m apart at most
 
     def max_curvature(self, vehicle: VehicleGeometry, *, speed_mps: float) -> float:

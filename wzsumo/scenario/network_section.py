@@ -15,17 +15,17 @@ _FILES = ("net", "sumocfg", "routes", "additionals")
 class NetworkSection(Spec):
     """Files are named relative to the scenario's file. Times count from the simulation's beginning."""
 
-    net: Path
+    net: Path  # a .net.xml of SUMO
     sumocfg: Path | None = None  # a configuration of the network, with all its files; else `routes` and `additionals`
-    routes: tuple[Path, ...] = ()
-    additionals: tuple[Path, ...] = ()
+    routes: tuple[Path, ...] = ()  # route files: the demand
+    additionals: tuple[Path, ...] = ()  # additional files: detectors, stops, ...
     edge: str | None = None  # the first device stands at position_m of this edge; negative: from its end
-    position_m: float | None = None
+    position_m: float | None = None  # along the edge; goes with it
     latitude_deg: float | None = Field(None, ge=-90, le=90)  # or nearest to this place, WGS 84
-    longitude_deg: float | None = Field(None, ge=-180, le=180)
+    longitude_deg: float | None = Field(None, ge=-180, le=180)  # goes with latitude_deg
     lane_side: Side | None = None  # close as many lanes as the zone says, but on this side; None: those that it names
     left_shoulder_ft: float = Field(0.0, ge=0, le=30)  # a network has no shoulders
-    right_shoulder_ft: float = Field(0.0, ge=0, le=30)
+    right_shoulder_ft: float = Field(0.0, ge=0, le=30)  # as on the left
     closed_from_s: float = Field(0.0, ge=0)  # the set-up of the zone begins
     closed_for_s: float | None = Field(None, gt=0)  # from then on, until all lanes are open again; None: to the end
 

@@ -14,6 +14,7 @@ from wzsumo.errors import SpecError
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.road import Road, RoadSpec
 from wzsumo.scenario.facility import Facility, OwnRoad, check_demand_of_network, network_corridor
+from wzsumo.scenario.library import scenario_file
 from wzsumo.scenario.network_section import NetworkSection, beside
 from wzsumo.scenario.sections import ControlSection, CrowdSpec, Decides, MapSpec, MapUpdatesSpec, RouteSpec, SlamSpec
 from wzsumo.sensing.gnss import GnssSpec
@@ -32,10 +33,12 @@ MAP_REACH_M = 20.0  # how far maps reach beyond the rear axle at start and goal;
 class Scenario(Spec):
     """The spec of one case: everything that decides its result, the seed included."""
 
+    # names the case in tables and reports; letters, digits, _, . and -
     name: Annotated[str, Decides.NOTHING] = Field(min_length=1, pattern=r"^[\w.-]+$")
+    # of all random numbers: the same scenario and seed give the same result
     seed: Annotated[int, Decides.SIMULATION] = Field(ge=0, le=MAX_SEED)
     road: Annotated[RoadSpec | None, Decides.SIMULATION] = None  # this or a network
-    network: Annotated[NetworkSection | None, Decides.SIMULATION] = None
+    network: Annotated[NetworkSection | None, Decides.SIMULATION] = None  # in place of [road]
     work_zone: Annotated[WorkZone, Decides.SIMULATION]
     site: Annotated[SiteSpec, Decides.SIMULATION] = SiteSpec()
     simulation: Annotated[SimulationSpec, Decides.SIMULATION] = SimulationSpec()
@@ -184,15 +187,21 @@ def keys_that_decide(section: type[Spec], what: Decides) -> set[str]:
 
 
 def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:
-    """The scenario of a TOML file, with another seed where one is given. Raises SpecError: file, key, value, rule, remedy."""
-    content: dict[str, Any] = read_toml(Path(path))
+    """The scenario of a TOML file or of the library, with another seed where one is given.
+
+    `path` is a file, or the name of a scenario of the library. Raises SpecError: file, key, value, rule, remedy.
+    """
+    path = scenario_file(path)
+    content = read_toml(path)
+    if {"scenarios", "methods"} & content.keys():
+        raise SpecError(f"{path}: is a study, not a scenario; run it with `wzsumo sweep {path} --out DIR`")
     if isinstance(content.get("network"), dict):
-        content |= {"network": beside(content["network"], Path(path).parent)}
+        content |= {"network": beside(content["network"], path.parent)}
     if seed is not None:
         content = content | {"seed": seed}
     scenario = parse_spec(Scenario, content, source=str(path))
     if misfits := misfits_of(scenario):
-        raise SpecError("; ".join(f"{path}: {misfit}" for misfit in misfits))
+        raise SpecError(*(f"{path}: {misfit}" for misfit in misfits))
     return scenario
 
 

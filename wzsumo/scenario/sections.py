@@ -100,10 +100,10 @@ class CrowdSpec(Spec):
 class RouteSpec(Spec):
     """Start and goal of the ego: lane centres before and after the zone, 0 = rightmost lane."""
 
-    start_lane: int = Field(ge=0)
-    start_before_zone_m: float = Field(150.0, gt=0)
-    goal_lane: int = Field(ge=0)
-    goal_after_zone_m: float = Field(100.0, gt=0)
+    start_lane: int = Field(ge=0)  # in which the ego begins, one that stays open or closes
+    start_before_zone_m: float = Field(150.0, gt=0)  # ahead of the first device; chosen by us
+    goal_lane: int = Field(ge=0)  # in which it ends
+    goal_after_zone_m: float = Field(100.0, gt=0)  # beyond the last taper; chosen by us
     open_goal_lane: int | None = Field(None, ge=0)  # lane of a second goal, one that continues an open lane
 
 

@@ -30,11 +30,12 @@ class GnssSpec(Spec):
     left out is 0. error_m = 0 reports exact positions.
     """
 
+    # total, which is split into bias, correlated and white by variance shares of 0.80, 0.15 and 0.05; or give these
     error_m: float | None = Field(None, ge=0, le=100)
     bias_sd_m: float | None = Field(None, ge=0, le=100)  # one value for a whole trace
     correlated_sd_m: float | None = Field(None, ge=0, le=100)  # first-order Gauss-Markov (Ornstein-Uhlenbeck)
     correlation_time_s: float = Field(60.0, gt=0)  # D. L. Wilson's autocorrelation of a Garmin 12XL bends at 1 min
-    white_sd_m: float | None = Field(None, ge=0, le=100)
+    white_sd_m: float | None = Field(None, ge=0, le=100)  # anew at each fix
     sampling_interval_s: float = Field(1.0, ge=0.1, le=60)  # 1 Hz: the usual rate of consumer receivers
 
     @model_validator(mode="after")

@@ -16,7 +16,7 @@ from wzsumo.spec import Spec
 class ImuSpec(Spec):
     """Errors of gyroscope, attitude and wheel speed. Defaults: an automotive MEMS unit and an uncalibrated wheel radius."""
 
-    rate_hz: float = Field(default=100.0, gt=0, le=1000)
+    rate_hz: float = Field(default=100.0, gt=0, le=1000)  # readings a second; usual of such units
     gyro_noise_deg_per_sqrt_s: float = Field(default=0.01, ge=0)  # angle random walk; Xsens MTi-3: 0.007 deg/s/sqrt(Hz)
     gyro_bias_deg_per_s: float = Field(default=0.01, ge=0)  # sd over drives, left after calibration at rest; chosen by us
     attitude_noise_deg: float = Field(default=0.1, ge=0)  # sd of white noise in roll and in pitch; chosen by us
@@ -28,7 +28,7 @@ class ImuSpec(Spec):
 class MappingGnssSpec(Spec):
     """GNSS errors of the mapping car. Defaults: an RTK fix. Without RTK, bias 0.5 m and noise 0.3 m are realistic."""
 
-    rate_hz: float = Field(default=10.0, gt=0, le=100)
+    rate_hz: float = Field(default=10.0, gt=0, le=100)  # fixes a second; usual of RTK receivers
     bias_m: float = Field(default=0.01, ge=0)  # sd of the slow part on each horizontal axis; RTK: 1 cm + 1 ppm
     bias_time_s: float = Field(default=60.0, gt=0)  # correlation time of the slow part; multipath lasts for minutes
     noise_m: float = Field(default=0.01, ge=0)  # sd of white noise on each horizontal axis

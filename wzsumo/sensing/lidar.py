@@ -30,7 +30,7 @@ class LidarSpec(Spec):
 
     layers: int = Field(default=128, ge=1, le=256)  # Chen et al. 2022
     lowest_deg: float = Field(default=-25.0, ge=-90, lt=90)  # Velodyne Alpha Prime data sheet: -25 to +15 degrees
-    highest_deg: float = Field(default=15.0, gt=-90, le=90)
+    highest_deg: float = Field(default=15.0, gt=-90, le=90)  # ibid.
     azimuth_count: int = Field(default=1800, ge=8, le=36000)  # a turn: 0.2 degrees at 10 Hz, ibid.
     rate_hz: float = Field(default=10.0, gt=0, le=50)  # turns a second, ibid.
     max_range_m: float = Field(default=120.0, gt=0)  # of dark targets; farther cones return less than one ray
@@ -39,11 +39,11 @@ class LidarSpec(Spec):
     visibility_m: float | None = Field(default=None, gt=0)  # in fog or rain; None: clear air
     detected_share: float = Field(default=1.0, ge=0, le=1)  # of devices in a scan; Chen et al. 2022: 0.585 to 0.758
     forward_m: float = 1.4  # near the middle between the axles
-    left_m: float = 0.0
+    left_m: float = 0.0  # of the middle of the car
     height_m: float = Field(default=1.9, gt=0)  # roof of a mid-size sedan and a rack
-    roll_deg: float = 0.0
-    pitch_deg: float = 0.0
-    yaw_deg: float = 0.0
+    roll_deg: float = 0.0  # of the mount
+    pitch_deg: float = 0.0  # of the mount
+    yaw_deg: float = 0.0  # of the mount
 
     @model_validator(mode="after")
     def _field_has_height(self) -> "LidarSpec":

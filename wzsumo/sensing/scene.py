@@ -36,8 +36,8 @@ class DeviceFaults(Spec):
 
     set_up_every: int = Field(default=1, ge=1)  # only every n-th device of the layout is set up
     missing_share: float = Field(default=0.0, ge=0, le=1)  # of the devices set up; likewise the shares below
-    tilted_share: float = Field(default=0.0, ge=0, le=1)
-    lying_share: float = Field(default=0.0, ge=0, le=1)
+    tilted_share: float = Field(default=0.0, ge=0, le=1)  # lean by tilt_deg
+    lying_share: float = Field(default=0.0, ge=0, le=1)  # lie on the ground
     tilt_deg: float = Field(default=20.0, gt=0, lt=60)  # how far a tilted device leans; chosen by us
     seed: int = Field(default=0, ge=0)  # which devices are struck, and the side they lean to
 
@@ -56,7 +56,7 @@ class SceneSpec(Spec):
 
     ground: GroundSpec = GroundSpec()
     faults: DeviceFaults = DeviceFaults()
-    guardrail: Literal["none", "left", "right", "both"] = "none"
+    guardrail: Literal["none", "left", "right", "both"] = "none"  # beside the pavement, on which side
     guardrail_offset_m: float = Field(default=0.6, ge=0)  # beyond the pavement's edge: 2 ft shy line, AASHTO RDG Table 5-7
     post_spacing_m: float = Field(default=1.905, gt=0)  # 6 ft 3 in, W-beam of the Midwest Guardrail System
     # Delineators and sign posts on both verges; 0: none. MUTCD 3G.04: 200 to 530 ft.

@@ -5,7 +5,7 @@ desired speeds and dawdling, from the seed in its configuration.
 """
 
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -18,6 +18,8 @@ from wzsumo.simulation.edges import Edge
 from wzsumo.simulation.network import write_xml
 from wzsumo.spec import Spec
 
+_DriversName = Annotated[str, Field(json_schema_extra={"enum": list(DRIVER_PRESETS)})]
+
 
 class DemandSpec(Spec):
     """The traffic that arrives at the road's start, and its drivers."""
@@ -28,6 +30,7 @@ class DemandSpec(Spec):
     opposing_flow_vph: float = Field(0.0, ge=0, le=50_000)  # the other direction of a two-way road, all its lanes together
     truck_share: float = Field(0.10, ge=0, lt=1)  # of the order of the HCM's default for freeways
     lane_use: tuple[float, ...] = ()  # share of vehicles by lane at the road's start from the right; empty: even
+    # of the simulated traffic; longer: more vehicles, and more of them equipped
     duration_s: float = Field(1200.0, gt=0, le=86_400)
     # From then on flows are counted and the ego may depart: the slowest vehicle has passed the road (1.8 km at 21 m/s: 87 s).
     warm_up_s: float = Field(120.0, ge=0)
@@ -41,7 +44,7 @@ class DemandSpec(Spec):
     # "hcm": fitted to the HCM's queue discharge of the scenario's zone; the name of a preset; or a table of DriverSpec's keys.
     drivers: DriverSpec = UNCALIBRATED
 
-    @field_validator("drivers", mode="before")
+    @field_validator("drivers", mode="before", json_schema_input_type=_DriversName | DriverSpec)
     @classmethod
     def _preset_from_its_name(cls, given: object) -> object:
         if isinstance(given, str):

@@ -15,10 +15,10 @@ from wzsumo.spec import Spec
 class DriverSpec(Spec):
     """Parameters of SUMO's Krauss and SL2015 models. What is not here keeps SUMO's default."""
 
-    name: str = "own"
+    name: str = "own"  # under which results tell of the drivers
     tau_s: float = Field(1.0, gt=0, le=10)  # time gap that a driver keeps; SUMO's default
     accel_mps2: float = Field(2.6, gt=0, le=10)  # SUMO's default for passenger cars
-    truck_tau_s: float = Field(1.0, gt=0, le=10)
+    truck_tau_s: float = Field(1.0, gt=0, le=10)  # the trucks' tau_s; SUMO's default
     truck_accel_mps2: float = Field(1.0, gt=0, le=10)  # a loaded truck
     min_gap_m: float = Field(2.5, gt=0, le=10)  # between the bumpers of two vehicles that stand; SUMO's default
     sigma: float = Field(0.5, ge=0, le=1)  # dawdling; SUMO's default
@@ -26,7 +26,7 @@ class DriverSpec(Spec):
     # SUMO's default: drivers look twice as far ahead for changes to the left as to the right; 1: as far.
     lc_lookahead_left: float = Field(2.0, gt=0, le=10)
     calibrated_step_length_s: float | None = None  # None: not calibrated, goes with any step length
-    calibrated_lateral_resolution_m: float | None = None
+    calibrated_lateral_resolution_m: float | None = None  # likewise
 
 
 UNCALIBRATED = DriverSpec(name="uncalibrated")

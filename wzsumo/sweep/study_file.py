@@ -13,7 +13,8 @@ from typing import Any
 from pydantic import Field, ValidationError
 
 from wzsumo.case.methods import METHODS
-from wzsumo.errors import SpecError, shown
+from wzsumo.errors import SpecError, did_you_mean, shown
+from wzsumo.scenario.library import scenario_file, study_file
 from wzsumo.scenario.scenario import FITTING_SECTIONS, Scenario, load_scenario, misfits_of
 from wzsumo.spec import MAX_MISTAKES, Spec, describe_mistakes, known_keys, parse_spec, read_toml
 from wzsumo.sweep.evaluation.study_case import StudyCase
@@ -25,9 +26,9 @@ Keys = dict[str, Any]  # dotted scenario key -> value
 class StudySpec(Spec):
     """The content of a study file. Factors are keys of a scenario, such as `crowd.used` or `work_zone.posted_speed_mph`."""
 
-    name: str = Field(min_length=1, pattern=r"^[\w.-]+$")
-    scenarios: tuple[str, ...] = Field(min_length=1)  # files, relative to the study file
-    methods: tuple[str, ...] = Field(min_length=1)
+    name: str = Field(min_length=1, pattern=r"^[\w.-]+$")  # a result folder belongs to one study
+    scenarios: tuple[str, ...] = Field(min_length=1)  # files, relative to the study file, or names of the library
+    methods: tuple[str, ...] = Field(min_length=1)  # how traces become a map; every case is run with each
     drive: bool = False  # whether the ego drives its path in the traffic, which takes ten times as long
     fixed: dict[str, Any] = Field({})  # keys and their values in every case
     grid: dict[str, Any] = Field({})  # factor -> values, all of which are combined; also seed = { first = 21, count = 10 }
@@ -57,11 +58,20 @@ class Study:
 
 
 def load_study(path: Path) -> Study:
-    """The study of a TOML file. Raises SpecError with file, key, value and rule of every mistake."""
+    """The study of a TOML file or of the library. Raises SpecError with file, key, value and rule of every mistake."""
+    path = study_file(path)
     content = read_toml(path)
+    if {"work_zone", "route"} & content.keys():
+        raise SpecError(f"{path}: is a scenario, not a study; run it with `wzsumo run {path} --out DIR`, or name it in a study")
     spec = parse_spec(StudySpec, content, source=str(path))
-    bases = {name: load_scenario(path.parent / name).model_dump(mode="json") for name in spec.scenarios}
+    bases = {name: load_scenario(_base(name, path.parent)).model_dump(mode="json") for name in spec.scenarios}
     return study_of({"study": content, "scenarios": bases}, source=str(path))
+
+
+def _base(name: str, folder: Path) -> Path:
+    """The file of a base scenario: beside the study file, else of the library."""
+    beside = folder / name
+    return beside if beside.suffix or beside.exists() else scenario_file(name)
 
 
 def study_of(content: Mapping[str, Any], *, source: str) -> Study:
@@ -70,7 +80,9 @@ def study_of(content: Mapping[str, Any], *, source: str) -> Study:
     fixed, grid = _flat(spec.fixed), _grid(spec.grid)
     combinations = [_flat(entry) for entry in spec.combinations]
     unknown = [name for name in spec.methods if name not in METHODS]
-    mistakes = [f"methods: {name}: unknown; known methods: {', '.join(METHODS)}" for name in unknown]
+    mistakes = [
+        f"methods: {name}: unknown{did_you_mean(name, METHODS)}; known methods: {', '.join(METHODS)}" for name in unknown
+    ]
     mistakes += _wrong_factors(fixed, grid, combinations)
     n_points = math.prod(len(values) for values in grid.values() if isinstance(values, list)) * max(len(combinations), 1)
     n_cases = n_points * len(spec.scenarios) * len(spec.methods)
@@ -79,7 +91,7 @@ def study_of(content: Mapping[str, Any], *, source: str) -> Study:
             f"grid: makes {n_cases} cases or more, at most {MAX_CASES} make one study; give fewer values, or several studies"
         )
     if mistakes:
-        raise SpecError("; ".join(f"{source}: {mistake}" for mistake in mistakes[:MAX_MISTAKES]))
+        raise SpecError(*(f"{source}: {mistake}" for mistake in mistakes[:MAX_MISTAKES]))
     points = [fixed | entry | point for entry in combinations or [{}] for point in _points(grid)]
     cases = _cases(spec, content["scenarios"], points, varied=_varied(grid, combinations), source=source)
     return Study(spec=spec, content=content, cases=cases)
@@ -143,7 +155,7 @@ def _unknown_key(key: str) -> str:
         known = known_keys(Scenario, tuple(parts[:depth]))
         if part not in known:
             section = ".".join(parts[:depth]) or "a scenario"
-            return f"unknown key; {section} has {', '.join(known) or 'no keys below it'}"
+            return f"unknown key{did_you_mean(part, known)}; {section} has {', '.join(known) or 'no keys below it'}"
     return ""
 
 
@@ -168,7 +180,7 @@ def _cases(
     if parser.mistakes:
         for base, point in itertools.product(bases.values(), points):  # find the mistakes that these values hid
             parser.scenario(base, {key: value for key, value in point.items() if (key, str(value)) not in parser.wrong_values})
-        raise SpecError("; ".join(parser.mistakes))
+        raise SpecError(*parser.mistakes)
     twice = len(cases) - len({case.id for case in cases})
     if twice:
         raise SpecError(f"{source}: {twice} cases are there twice; name every scenario, method and combination once")

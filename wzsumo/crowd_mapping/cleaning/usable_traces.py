@@ -1,5 +1,7 @@
 """Which traces of anybody's file show one road, driven one way: those that can make a map."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
@@ -21,16 +23,21 @@ MAX_PLACE_GAP_M = 300.0  # without any fix: beyond it another place begins; chos
 MIN_SECOND_PLACE_SHARE = 0.2
 
 
-def usable_traces(table: pd.DataFrame, *, source: str, heading_rad: float | None = None) -> UsableTraces:
+def usable_traces(
+    table: pd.DataFrame, *, source: str, heading_rad: float | None = None, tell: Callable[[float], None] = lambda _share: None
+) -> UsableTraces:
     """The traces of a table of fixes that can make one map, and what was left out with the reason.
 
     Where a heading [rad, counter-clockwise from +x] is given, vehicles that drive otherwise are left out. So are rows that are
     no fixes (`usable_fixes`), vehicles that stand, drive against most others, or lie far beside or away from them, and fixes
-    that jump aside. Raises TraceError where nothing is left and where the file holds two zones.
+    that jump aside. `tell` is called with the share of the work that is done, in the order of the steps; the shares are those
+    of 3 million fixes. Raises TraceError where nothing is left and where the file holds two zones.
     """
     fixes = usable_fixes(table, source=source)
     kept, otherwise = _driven_towards(fixes.traces, heading_rad, source=source)
+    tell(0.25)
     traces, far = _in_one_place(kept, source=source)
+    tell(0.65)
     try:
         axis = reference_line_from_traces(traces)
         unfit = tabulate(traces, axis).dropped
@@ -39,7 +46,9 @@ def usable_traces(table: pd.DataFrame, *, source: str, heading_rad: float | None
     counts = traces["vehicle_id"].value_counts()
     unfit = unfit.assign(n_fixes=counts.reindex(unfit["vehicle_id"]).to_numpy())
     kept = traces[~traces["vehicle_id"].isin(unfit["vehicle_id"])].reset_index(drop=True)
+    tell(0.8)
     kept, aside = _without_jumps(kept, axis)
+    tell(1.0)
     parts = [part for part in (fixes.dropped, otherwise, far, unfit, aside) if len(part)]
     return UsableTraces(traces=kept, dropped=merge_dropped(parts))
 

@@ -12,8 +12,13 @@ MAX_DIGITS = 18
 
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
-    """Add the argument SCENARIO.toml."""
-    parser.add_argument("scenario", type=Path, metavar="SCENARIO.toml")
+    """Add the argument SCENARIO."""
+    parser.add_argument(
+        "scenario",
+        type=Path,
+        metavar="SCENARIO",
+        help="a scenario file, or the name of one of the library (`wzsumo init` lists it)",
+    )
 
 
 def add_out_folder(parser: argparse.ArgumentParser) -> None:

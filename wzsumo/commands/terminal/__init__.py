@@ -1,0 +1,1 @@
+"""What all commands share: types of arguments, progress, figures in words, completion."""
