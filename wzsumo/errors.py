@@ -101,7 +101,7 @@ def one_line(text: str, *, limit: int = MAX_LINE) -> str:
 
 
 def did_you_mean(given: str, known: Iterable[str], *, cutoff: float = 0.75) -> str:
-    """A question that names the nearest of the known words, to follow what was given; "" where none is near (`cutoff`: least likeness).
+    """A question that names the nearest of the known words, to follow what was given; "" where none is as like as `cutoff`.
 
     >>> did_you_mean("rigth_lane", ["left_lane", "right_lane"])
     ' (did you mean right_lane?)'

@@ -60,6 +60,7 @@ def a_case(**changes: Any) -> CaseResult:
         "methods": {"driven": method_result(plan_of(path), run_along(path)), "closed": method_result(plan_of(None))},
         "to_open_lane": {"driven": plan_of(straight_path(1.83)), "closed": plan_of(None)},
         "seconds": {"network": 1.5},
+        "warnings": [],
     }
     assert given["crowd"].mixture.n_components >= 1  # fitted, as a method of mixtures asks for it
     return CaseResult(**given | changes)

@@ -48,7 +48,10 @@ def straight_trace_file(path: Path) -> None:
     [
         ({"posted_speed_mph": "posted_speed_mph = 42"}, ["posted_speed_mph=42", "40 and 45", "post 40 or 45"]),
         ({"closed_lanes": "closed_lanes = [0, 1, 2]"}, ["closed_lanes=(0, 1, 2)", "must leave open"]),
-        ({"flow_vph": "flow_vhp = 1500"}, ["simulation.demand.flow_vhp", "unknown key", "did you mean flow_vph?", "truck_share"]),
+        (
+            {"flow_vph": "flow_vhp = 1500"},
+            ["simulation.demand.flow_vhp", "unknown key", "did you mean flow_vph?", "truck_share"],
+        ),
         ({"work_length_ft": "work_length_ft = -650"}, ["work_zone.work_length_ft=-650", "greater than 0"]),
         ({"used": "used = 31"}, ["crowd.used=31", "crowd.collected=30"]),
         ({"start_lane": "start_lane = 3"}, ["route.start_lane=3", "0..2"]),
@@ -129,18 +132,30 @@ def test_word_for_another_command_or_with_a_slip_is_answered_with_the_right_one(
     assert says in err
 
 
-def test_advice_to_lengthen_the_road_helps_when_it_is_followed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The lengths are such that whole feet, rounded down, would not do."""
-    for length_ft in (4000, 4859.7, 4860.1, 4860.4):
+@pytest.mark.parametrize("length_ft", [4000, 4859.7, 4860.4, 5187.2])
+def test_advice_to_lengthen_the_road_helps_when_it_is_followed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], length_ft: float
+) -> None:
+    """First for the zone, then for the goal beyond it; also by parts of a foot, where rounding down would give 0."""
+    given = []
+    for _ in range(3):
         spec = paper_with(tmp_path, length_ft=f"length_ft = {length_ft}")
         code, _, err = run(capsys, "layout", spec, "--out", tmp_path / "out")
         if code == 0:
-            continue
-        (advice,) = re.findall(r"lengthen the road by (\d+) ft", err)
-        assert int(advice) > 0
-        spec = paper_with(tmp_path, length_ft=f"length_ft = {length_ft + int(advice)}")
-        code, _, err = run(capsys, "net", spec, "--out", tmp_path / "out")
-        assert (code, err) == (0, "")
+            break
+        given += [int(feet) for feet in re.findall(r"lengthen the road by (\d+) ft", err)]
+        length_ft += given[-1]
+    assert code == 0
+    assert 0 < len(given) <= 2
+    assert min(given) > 0
+
+
+def test_advice_to_start_the_zone_later_helps_when_it_is_followed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = run(capsys, "net", paper_with(tmp_path, start_ft="start_ft = 500"), "--out", tmp_path / "out")
+    assert code == 2
+    (feet,) = re.findall(r"raise work_zone.start_ft by (\d+)", err)
+    spec = paper_with(tmp_path, start_ft=f"start_ft = {500 + int(feet)}")
+    assert run(capsys, "layout", spec, "--out", tmp_path / "out")[0] == 0
 
 
 def test_capacity_command_prints_what_the_manual_gives_for_the_papers_zone(capsys: pytest.CaptureFixture[str]) -> None:

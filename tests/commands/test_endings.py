@@ -37,7 +37,7 @@ def is_simulating(process: "subprocess.Popen[bytes]") -> bool:
     read = b""
     while piece := process.stderr.read(1):
         read += piece
-        if re.search(rb" [1-9]\d* %", read[-8:]):
+        if re.search(rb"fleet in SUMO: [1-9]\d* %", read[-30:]):
             return True
     return False
 

@@ -73,8 +73,12 @@ def test_scenario_becomes_a_network_whose_lanes_lie_in_the_open_area(path: Path,
             [shapely.Polygon([tuple(map(float, point.split(","))) for point in shape]) for shape in shapes]
         )
         assert ground.symmetric_difference(getattr(layout, name)).area < 1e-3 * ground.area, name
-    assert len(drawn.findall("poi")) == len(layout.signs)
+    signs = [poi for poi in drawn.findall("poi") if poi.attrib["id"].startswith("sign_")]
+    assert len(signs) == len(layout.signs)
     assert sum(poly.attrib["id"].startswith("device") for poly in drawn.findall("poly")) == len(layout.devices)
+    along, _ = layout.road.to_sd([[float(poi.attrib["x"]), float(poi.attrib["y"])] for poi in signs])
+    assert 0 <= along.min() <= along.max() <= layout.road.length  # also those that stand ahead of the modelled road
+    assert all((tmp_path / poi.attrib["imgFile"]).is_file() for poi in drawn.findall("poi"))
 
 
 FITTED = {

@@ -106,7 +106,10 @@ def test_every_value_out_of_range_is_named_at_once(tmp_path: Path) -> None:
         ("[grid]\nseed = []", r"grid\.seed: an empty list"),
         ("[grid]\nseed = 3", r"grid\.seed=3: must be a list"),
         ("[grid]\nseed = [1, 1]", r"grid\.seed=\[1, 1\]: a value is there twice"),
-        ("[grid]\ncrowd.usd = [1]", r"grid\.crowd\.usd: unknown key \(did you mean used\?\); crowd has collected, known, penetration, used"),
+        (
+            "[grid]\ncrowd.usd = [1]",
+            r"grid\.crowd\.usd: unknown key \(did you mean used\?\); crowd has collected, known, penetration, used",
+        ),
         ("[grid]\ngnss.error_m.x = [1]", r"grid\.gnss\.error_m\.x: unknown key; gnss\.error_m has no keys"),
         ("[grid]\nwork_zone.posted_speed_mph = [42]", r"posted_speed_mph=42\.0: .* between 40 and 45 mph"),
         ("[fixed]\nseed = 1\n[grid]\nseed = [1]", r"seed: given in more than one of"),

@@ -1,5 +1,6 @@
 """WorkZone + Road -> WorkZoneLayout: the stretches of a zone placed along its road."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,9 +110,10 @@ def _taking_turns(work_zone: WorkZone, areas: tuple[Area, ...]) -> TakingTurns |
 def _refuse_beyond_the_road(end: float, road: Road, stretches: tuple[Stretch, ...]) -> None:
     if end > road.length:
         lengths = " + ".join(f"{stretch.name} {feet_from_metres(stretch.length):.0f}" for stretch in stretches)
+        missing_ft = math.ceil(feet_from_metres(end - road.length))
         raise SpecError(
             f"the zone ends at station {feet_from_metres(end):.0f} ft ({lengths} ft), the road at "
-            f"{feet_from_metres(road.length):.0f} ft; lengthen the road by {feet_from_metres(end - road.length):.0f} ft, "
+            f"{feet_from_metres(road.length):.0f} ft; lengthen the road by {missing_ft} ft, "
             "or start the zone earlier, or shorten work_length_ft"
         )
 

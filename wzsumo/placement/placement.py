@@ -31,7 +31,7 @@ from wzsumo.placement.xml_file import XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace, on_side
 from wzsumo.road import Road, RoadSpec
 from wzsumo.simulation.demand import LOOK_AHEAD_M
-from wzsumo.simulation.files import write_drawing
+from wzsumo.simulation.drawing.zone_drawing import write_drawing
 from wzsumo.units import feet_from_metres
 from wzsumo.work_zone import Side, WorkZone, WorkZoneLayout
 

@@ -1,5 +1,7 @@
 """Places at which a zone cannot stand, each refused in one line with edge, rule and remedy."""
 
+import math
+
 from wzsumo.errors import PlacementError
 from wzsumo.placement.cuts import CutEdge
 from wzsumo.placement.lane_plan import LanePlan
@@ -40,7 +42,8 @@ def check_signals(plan: LanePlan) -> None:
             continue
         for start, stop in tapers:
             if start < end < stop:
+                down, up = math.ceil(end - start), math.ceil(stop - end)
                 raise PlacementError(
                     f"edge {link.edge.id!r} ends at the signal of junction {link.edge.to_node!r}, within a taper, where "
-                    f"traffic must not stop; move the zone by {stop - end:.0f} m downstream or {end - start:.0f} m upstream"
+                    f"traffic must not stop; move the zone by {down} m downstream or {up} m upstream"
                 )

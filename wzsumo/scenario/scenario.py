@@ -1,5 +1,6 @@
 """Scenario: the spec of one case, read from a file and checked."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -22,7 +23,7 @@ from wzsumo.simulation.departures import check_departures
 from wzsumo.simulation.drivers import BY_THE_HCM, UNCALIBRATED, hcm_drivers
 from wzsumo.simulation.files import SimulationSpec, SumoFiles
 from wzsumo.spec import MAX_SEED, Spec, parse_spec, read_toml
-from wzsumo.units import mps_from_mph
+from wzsumo.units import feet_from_metres, mps_from_mph
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import DeviceKind, RoadType, WorkZone, WorkZoneLayout
 
@@ -150,12 +151,21 @@ class Scenario(Spec):
         if not self.vehicle.length_m < stations[0] < stations[1] < road.length - self.vehicle.length_m:
             raise SpecError(
                 f"route: start and goal at stations {stations[0]:.0f} and {stations[1]:.0f} m must lie on the road, "
-                f"0..{road.length:.0f} m; change start_before_zone_m, goal_after_zone_m, or the road's length"
+                f"0..{road.length:.0f} m, a car's length from its ends; {self._remedy_for_ends(layout, stations)}"
             )
         start, goal = (
             _lane_pose(road, station, lane) for station, lane in zip(stations, (route.start_lane, route.goal_lane), strict=True)
         )
         return start, goal
+
+    def _remedy_for_ends(self, layout: WorkZoneLayout, stations: tuple[float, float]) -> str:
+        """What brings start and goal onto the road."""
+        reach = layout.road.length - self.vehicle.length_m
+        if stations[1] >= reach:
+            feet = math.floor(feet_from_metres(stations[1] - reach)) + 1
+            return f"lengthen the road by {feet} ft, or lower goal_after_zone_m"
+        feet = math.floor(feet_from_metres(self.vehicle.length_m - stations[0])) + 1
+        return f"raise work_zone.start_ft by {feet}, or lower start_before_zone_m"
 
     def mapped_ends(self, layout: WorkZoneLayout) -> tuple[float, float]:
         """Stations [m] between which the road is mapped: from before the start to beyond the goal."""

@@ -1,5 +1,7 @@
 """How many vehicles an hour SUMO can insert on a road, so that a larger demand is refused before anything runs."""
 
+import math
+
 import numpy as np
 
 from wzsumo.errors import SpecError
@@ -44,7 +46,7 @@ def _check_flow(flow: float, key: str, shares: FloatArray, *, spec: DemandSpec, 
         raise SpecError(
             f"simulation.demand.{key}={flow:g}: lane {lane} would get {flow * shares[lane]:.0f} veh/h, but drivers with "
             f"tau_s={drivers.tau_s:g} can depart on it at most {fits:.0f} times an hour at {mph_from_mps(speed):.0f} mph; "
-            f"give at most {fits / shares[lane]:.0f} veh/h, or use the lanes more evenly, or add lanes"
+            f"give at most {math.floor(fits / shares[lane])} veh/h, or use the lanes more evenly, or add lanes"
         )
 
 

@@ -6,21 +6,16 @@ from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree as ET
 
-import shapely
-import shapely.ops
 from pydantic import Field, model_validator
-from shapely.geometry.base import BaseGeometry
 
 from wzsumo.simulation.demand import DemandSpec, write_demand
+from wzsumo.simulation.drawing.zone_drawing import write_drawing, write_view
 from wzsumo.simulation.drivers import UNCALIBRATED
 from wzsumo.simulation.edges import Edge, edges_of, opposing_edges_of
 from wzsumo.simulation.network import write_network, write_xml
 from wzsumo.spec import Spec
 from wzsumo.units import mps_from_mph
 from wzsumo.work_zone import WorkZoneLayout
-
-OUTLINE_TOLERANCE_M = 0.01  # of a device's outline as it is drawn
-_AREA_COLOURS = {"closed_area": "230,159,0,120", "drivable": "0,158,115,60"}  # Okabe-Ito orange, green
 
 
 class SimulationSpec(Spec):
@@ -71,7 +66,7 @@ class SumoFiles:
 
 
 def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSpec, seed: int) -> SumoFiles:
-    """Write zone.{net,rou,add}.xml and zone.sumocfg into `folder`; the configuration carries the seed."""
+    """Write zone.{net,rou,add,view}.xml, signs/ and zone.sumocfg into `folder`; the configuration carries the seed."""
     edges = edges_of(layout)
     net = write_network(layout, folder)
     routes = write_demand(
@@ -79,6 +74,7 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
         opposing=opposing_edges_of(layout),
     )  # fmt: skip
     additional = write_drawing(layout, folder / "zone.add.xml")
+    view = write_view(layout, folder / "zone.view.xml")
     root = ET.Element("configuration")
     sections = {
         "input": {"net-file": net.name, "route-files": routes.name, "additional-files": additional.name},
@@ -90,6 +86,7 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
             "collision.check-junctions": "false",
         },
         "random_number": {"seed": str(seed)},
+        "gui_only": {"gui-settings-file": view.name},  # sumo itself passes over it
         "report": {"xml-validation": "never", "no-step-log": "true", "duration-log.disable": "true"},
     }
     for section, options in sections.items():
@@ -99,37 +96,3 @@ def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSp
     config = folder / "zone.sumocfg"
     write_xml(root, config)
     return SumoFiles(config=config, edges=edges, step_length=spec.step_length_s, duration=spec.demand.duration_s)
-
-
-def write_drawing(layout: WorkZoneLayout, path: Path) -> Path:
-    """Write the zone as polygons and points that sumo-gui draws and SUMO's vehicles do not see; returns the file's path."""
-    root = ET.Element("additional")
-    for name, colour in _AREA_COLOURS.items():
-        area: BaseGeometry = getattr(layout, name)
-        for number, part in enumerate(_without_holes(area)):
-            shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in part.exterior.coords)
-            ET.SubElement(root, "poly", id=f"{name}_{number}", color=colour, fill="1", layer="-1", shape=shape, type=name)
-    for number, (kind, outline) in enumerate(zip(layout.devices["kind"], layout.device_outlines, strict=True)):
-        shape = " ".join(f"{x:.3f},{y:.3f}" for x, y in outline.simplify(OUTLINE_TOLERANCE_M).exterior.coords)
-        ET.SubElement(
-            root, "poly", id=f"device_{number:03d}", color="213,94,0", fill="1", layer="5", shape=shape, type=str(kind)
-        )  # fmt: skip
-    for number, sign in enumerate(layout.signs.to_dict("records")):
-        id_ = f"sign_{number:02d}_{sign['text'].replace(' ', '_')}"
-        place = {"x": f"{sign['x_m']:.3f}", "y": f"{sign['y_m']:.3f}"}
-        ET.SubElement(root, "poi", place, id=id_, type=sign["code"], color="255,128,0", layer="6")
-    write_xml(root, path)
-    return path
-
-
-def _without_holes(area: BaseGeometry) -> list[shapely.Polygon]:
-    """The same ground as polygons without holes, which SUMO cannot draw: each is cut in two through its first hole."""
-    parts = []
-    for polygon in getattr(area, "geoms", [area]):
-        if polygon.interiors:
-            x, (_, lowest, _, highest) = polygon.interiors[0].centroid.x, polygon.bounds
-            cut = shapely.LineString([(x, lowest - 1), (x, highest + 1)])
-            parts += _without_holes(shapely.ops.split(polygon, cut))
-        else:
-            parts.append(polygon)
-    return parts

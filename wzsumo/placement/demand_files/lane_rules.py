@@ -1,5 +1,7 @@
 """What becomes of elements that stand at a place of a lane, or along it: detectors, stops, points to draw."""
 
+import math
+
 from wzsumo.errors import PlacementError
 from wzsumo.placement.cuts import CutEdge, number_text
 from wzsumo.placement.demand_files.rewriting import RewrittenFile, Rule, from_start
@@ -34,7 +36,7 @@ def rewrite_stretch(file: RewrittenFile, element: Element, _: Element | None) ->
         at = cut.positions[number - 1]
         raise PlacementError(
             f"{file.file.path}: {name} lies on edge {cut.edge.id!r} from {start:.1f} to {end:.1f} m, where the zone cuts it at "
-            f"{at:.1f} m; move the zone by more than {min(end - at, at - start):.0f} m, or the stop"
+            f"{at:.1f} m; move the zone by more than {math.ceil(min(end - at, at - start))} m, or the stop"
         )
     _refuse_in_closed_lane(file, f"{cut.ids[number]}_{index}", name, element.get("lane"))
     values: Values = {"edge": cut.ids[number]} if edge_cut else {"lane": f"{cut.ids[number]}_{index}"}
