@@ -47,7 +47,7 @@ def _lines(name: str, total: float) -> Iterator[Tell]:
     def tell(done: float) -> None:
         nonlocal next_line
         now, share = time.monotonic(), done / total if total else 1.0
-        if now >= next_line and 0 < share < 1:
+        if now >= next_line and 0.01 <= share < 1:
             next_line = now + LINE_INTERVAL_S
             sys.stderr.write(f"{name}: {100 * share:.0f} %\n")
             sys.stderr.flush()
