@@ -93,15 +93,16 @@ def append_row(row: dict[str, Any], path: Path) -> None:
 
 
 def table_of(rows: pd.DataFrame) -> str:
-    """Markdown, a line a zone and demand: sums and means over its seeds."""
+    """Markdown, a line a zone and demand: sums over its seeds, and means over those whose traffic did not lock."""
     lines = [
         "| zone | demand | n | asked, entered, waiting | in the closed area | overlapping another | locked runs | TTC < 1.5 s "
         "| PET < 1 s | veh/h past the work | mean delay, s | merged at 10, 50, 90 %, m from the first merging taper's start |",
         "|---" * 12 + "|",
     ]
     for (zone, times), part in rows.groupby(["zone", "times"]):
-        total, mean = part.sum(numeric_only=True), part.mean(numeric_only=True)
-        merged = "" if part["q50"].isna().all() else f"{mean['q10']:.0f}, {mean['q50']:.0f}, {mean['q90']:.0f}"
+        flowed = part[part["locked_s"].isna()]
+        total, mean = part.sum(numeric_only=True), flowed.mean(numeric_only=True)
+        merged = "" if flowed["q50"].isna().all() else f"{mean['q10']:.0f}, {mean['q50']:.0f}, {mean['q90']:.0f}"
         lines.append(
             f"| `{zone}` | {times:g} | {len(part)} | {total['asked']:.0f}, {total['entered']:.0f}, {total['waiting']:.0f} | "
             f"{total['in_closed_area']:.0f} | {total['overlapping']:.0f} | {part['locked_s'].notna().sum()} | "

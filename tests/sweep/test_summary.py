@@ -62,6 +62,14 @@ def test_interval_over_seeds_that_are_not_all_there_is_that_of_those_there_are()
     assert part["low"] == pytest.approx(whole["low"], abs=0.02)
 
 
+def test_fleet_whose_traffic_locked_is_not_averaged_and_its_case_counts_otherwise() -> None:
+    flows = np.array([1500.0, 700.0, 1600.0])
+    table = results(seeds=3).assign(fleet_throughput_vph=flows, fleet_locked_s=[np.nan, 900.0, np.nan])
+    for measure, n, mean in (("fleet_throughput_vph", 2, 1550.0), ("iou", 3, 0.5), ("fleet_locked_s", 1, 900.0)):
+        summary = summarise(table, measure, by=["method"]).iloc[0]
+        assert (summary["n"], summary["mean"]) == (n, mean)
+
+
 def test_rows_of_one_seed_count_as_one() -> None:
     """Ten equal rows a seed tell no more of the scatter over seeds than one."""
     once, often = (results(seeds=6, used=range(n), value=lambda seed, *_: seed / 10) for n in (1, 10))

@@ -16,6 +16,7 @@ from wzsumo.sweep.results import CASE_COLUMNS, MEASURED_COLUMNS, column_of
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000  # with so many, the ends of an interval differ by about 3 % of its width from one resampling seed to another
+_OF_FLEET, _LOCKED = "fleet_", "fleet_locked_s"  # figures of a fleet whose traffic locked are not averaged
 _RESAMPLING_SEED = 1  # fixed, so that the same table always gives the same interval
 
 
@@ -25,7 +26,8 @@ def summarise(table: pd.DataFrame, measure: str, *, by: Sequence[str]) -> pd.Dat
     n counts seeds: rows of one seed in one combination are averaged first, because they share a simulation. `low` and `high`
     are the ends of a 95 % interval of the mean over seeds: of the percentile bootstrap, and for a share of what is true or
     false that of `share_interval`, since seeds that agree leave the bootstrap nothing to resample. Refused and failed cases are
-    left out. Source: Efron & Tibshirani 1993, An Introduction to the Bootstrap, section 13.3.
+    left out, and from figures of the fleet cases whose traffic locked. Source: Efron & Tibshirani 1993, An Introduction to the
+    Bootstrap, section 13.3.
     """
     done = _done(table, [measure, *by])
     values = _by_seed(done, pd.to_numeric(done[measure].astype(float)), by)
@@ -173,7 +175,10 @@ def _done(table: pd.DataFrame, needed: Sequence[str]) -> pd.DataFrame:
             name for name in table.columns if name in CASE_COLUMNS | MEASURED_COLUMNS or name in table.attrs.get("factors", [])
         ]
         raise InputError(f"column(s) {', '.join(missing)} are not in the table; it has {', '.join(known)}")
-    return table[table["status"] == "DONE"]
+    done = table[table["status"] == "DONE"]
+    if needed[0].startswith(_OF_FLEET) and needed[0] != _LOCKED and _LOCKED in done:
+        done = done[done[_LOCKED].isna()]
+    return done
 
 
 def _by_seed(rows: pd.DataFrame, values: pd.Series, by: Sequence[str]) -> pd.DataFrame:
