@@ -2,6 +2,7 @@
 
     <!-- from FILE.json: KEY.KEY FORMAT -->0.904<!-- end -->
     <!-- from FILE.csv: WHAT COLUMN FORMAT COLUMN=VALUE ... -->0.59<!-- end -->        (csv_figures.py)
+    <!-- from FILE.txt: text -->                                                       its text, as a block of code
     <!-- from analysis/TOPIC/TOPIC_tables.py: FUNCTION WORD ... -->                          the text that the function returns
     <!-- measured TOPIC.NAME -->                                                       command, seeds, interval, age and data
     <!-- age TOPIC.NAME ... -->**Older than the code.**<!-- end -->                    nothing where the code is the same
@@ -62,6 +63,8 @@ def _from(said: str) -> str:
     if path.suffix == ".json":
         key, form, *_ = [*words.split(), ""]
         return spaced(format(_at(json.loads(path.read_text(encoding="utf-8")), key), form))
+    if path.suffix == ".txt":
+        return f"```text\n{path.read_text(encoding='utf-8').strip()}\n```"
     function, *arguments = words.split()
     return str(_functions(path)[function](*arguments)).strip("\n")
 
