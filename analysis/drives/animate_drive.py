@@ -84,13 +84,15 @@ def pictures(run: ResultFolder, method: str, *, start: float, end: float, times:
     behind = background(run, planned)
     time = log["time_s"].to_numpy(dtype=float)
     began, ended = (float(np.interp(place, driven[:, 0], time)) for place in (start, end))
-    by_time = dict(iter(traffic.groupby(traffic["time_s"].round(1))))
+    columns = ["x_m", "y_m", "heading_rad", "length_m", "width_m", "braking"]
+    by_time = {float(str(at)): part[columns] for at, part in traffic.groupby(traffic["time_s"].round(1))}
+    nobody = traffic[columns].iloc[:0]
     for now in np.arange(began, ended, times / FRAMES_PER_S):
         at = int(np.searchsorted(time, now))
         ego = outline(run, poses[at], length=run.vehicle.length_m, width=run.vehicle.width_m)
         others = [
-            (outline(run, np.array([row.x_m, row.y_m, row.heading_rad]), length=row.length_m, width=row.width_m), row.braking)
-            for row in by_time.get(round(float(now), 1), traffic.iloc[:0]).itertuples()
+            (outline(run, np.array([x, y, heading]), length=length, width=width), bool(braking))
+            for x, y, heading, length, width, braking in by_time.get(round(float(now), 1), nobody).to_numpy(dtype=float)
         ]
         words = f"{log['speed_mps'].iloc[at]:.0f} m/s, {times:g} times as fast as it was"
         yield frame(run, behind, ego=ego, others=others, driven=driven[: at + 1], planned=planned, words=words)
