@@ -71,8 +71,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         text = (ROOT / "scenarios" / f"{name}.toml").read_text(encoding="utf-8")
         text = re.sub("^penetration = .*", "penetration = 1.0", text, flags=re.MULTILINE)
         (tmp_path / "scenarios" / f"{name}.toml").write_text(text.replace("duration_s = 900", "duration_s = 300"))
-    for name in ("mine.toml", "SCENARIO.toml"):
-        shutil.copyfile(tmp_path / "scenarios" / "paper.toml", name)
+    shutil.copyfile(tmp_path / "scenarios" / "paper.toml", "SCENARIO.toml")
     traces = straight_traces([1.8, 1.9, 5.4, 5.6], length_m=600.0)
     (tmp_path / "PARTS").mkdir()
     for name in ("TRACES.csv", "MONDAY.csv.gz", "PARTS/1.csv", "traces.csv", "TRACES"):
@@ -88,7 +87,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     ("page", "names"),
     [
-        ("scenarios.md", {"layout"}),
+        ("scenarios.md", {"init", "layout"}),
         ("your_traces.md", {"map"}),
         ("worked_example.md", {"map", "export"}),
     ],
@@ -103,7 +102,7 @@ def test_commands_of_a_page_run_one_after_the_other(desk: Path, page: str, names
                 cli.main(words)
             assert stopped.value.code == 0, command
             ran.add(command[1])
-    assert ran == names
+    assert ran >= names
 
 
 def test_worked_example_of_placing_a_zone_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
