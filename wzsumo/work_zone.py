@@ -48,7 +48,8 @@ class WorkZone(Spec):
     """What is closed, where and at what posted speed. Lengths left out are those of the MUTCD."""
 
     posted_speed_mph: float = Field(ge=20, le=75)  # the range of MUTCD 11th ed. Table 6B-2
-    road_type: RoadType = RoadType.FREEWAY  # decides the distances of the signs; the paper's road is a freeway
+    # Decides the distances of the signs; drivers = "hcm" goes with a freeway alone. The paper's road is a freeway.
+    road_type: RoadType = RoadType.FREEWAY
     typical_application: str | None = None  # such as "TA-33"; a zone that differs from the figure in the manual is refused
     start_ft: float = Field(ge=0, le=MAX_ROAD_FT)  # station of the first device; in a network [network] says the place
     closed_lanes: tuple[int, ...] = ()  # 0 = rightmost; adjacent lanes

@@ -13,6 +13,7 @@ from wzsumo.case.crowd import (
     reported_traces,
     sets_out_s,
     traces_over_zone,
+    with_traces_at_hand,
     witness_reach_m,
     witnessed_ground,
 )
@@ -204,3 +205,23 @@ def test_traces_of_the_whole_run_are_drawn_by_the_seed_and_not_waited_for() -> N
     ]
     assert len({frozenset(ids) for ids in drawn}) > 1
     assert sets_out_s(traces, scenario) == 120.0
+
+
+def test_case_takes_the_traces_that_there_are_where_it_asks_for_more() -> None:
+    over_zone, scenario = passing()
+    n = over_zone["vehicle_id"].nunique()
+    crowd = {"penetration": 1.0, "collected": n + 10, "used": n - 1}
+    asked = scenario.model_copy(update={"crowd": scenario.crowd.model_copy(update=crowd)})
+    taken, said = with_traces_at_hand(asked, over_zone)
+    assert (taken.crowd.collected, taken.crowd.used) == (n, n - 1)
+    assert said == [f"crowd.collected={n + 10}: {n} equipped vehicles passed the zone, whose {n} traces were taken"]
+    assert reported_traces(over_zone, taken, which="collected")["vehicle_id"].nunique() == n
+    enough = asked.model_copy(update={"crowd": asked.crowd.model_copy(update={"collected": n})})
+    assert with_traces_at_hand(enough, over_zone) == (enough, [])
+
+
+def test_case_without_any_equipped_vehicle_is_refused() -> None:
+    over_zone, scenario = passing()
+    nobody = scenario.model_copy(update={"crowd": scenario.crowd.model_copy(update={"penetration": 1e-12})})
+    with pytest.raises(SpecError, match=r"crowd.collected=4 .* 0 equipped vehicles .* raise crowd.penetration"):
+        with_traces_at_hand(nobody, over_zone)

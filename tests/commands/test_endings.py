@@ -90,6 +90,17 @@ def test_reader_that_goes_away_ends_the_command_as_it_ends_other_programs(tmp_pa
     assert (process.returncode, err) == (141, b"")
 
 
+@pytest.mark.parametrize("words", [("--help",), ("init",), ("schema",), ("--completion", "bash")])
+def test_words_that_nobody_reads_to_their_end_leave_no_traceback(tmp_path: Path, words: tuple[str, ...]) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    process = started(*words, folder=tmp_path, stdout=writing)
+    os.close(writing)
+    _, err = process.communicate()
+    assert process.returncode in {0, 141}  # argparse itself passes over a pipe that is closed
+    assert err == b""
+
+
 def test_words_go_to_a_terminal_of_ascii_and_names_that_are_no_utf_8_are_told(tmp_path: Path) -> None:
     folder = tmp_path / os.fsdecode(b"caf\xe9")
     folder.mkdir()

@@ -13,6 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from wzsumo.commands.terminal.arguments import add_out_folder, count
+from wzsumo.commands.terminal.words import lines_of
 from wzsumo.errors import SpecError
 from wzsumo.sweep.cluster import ClusterWorkers
 from wzsumo.sweep.estimate import estimate
@@ -59,6 +60,17 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     for reason, n_cases in summary.failures.items():
         print_message(f"{n_cases} case(s) failed twice: {reason}")
     return asdict(summary) | {"results": str(summary.results), "failures": dict(summary.failures)}
+
+
+def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
+    """Print how the study stands, or with --dry-run what it takes."""
+    if args.dry_run:
+        work, time_s = "{n_cases} cases, {n_missing} of them missing, in {n_simulations} simulations", figures["about_s"]
+        took = f"some {figures['processor_s']:.0f} s of processor time, {time_s:.0f} s on {figures['workers']} processes"
+        sys.stdout.write(f"{work.format(**figures)}: {took}\n")
+        return
+    for line in lines_of(figures):
+        sys.stdout.write(f"{line}\n")
 
 
 def next_step(_figures: dict[str, Any], args: argparse.Namespace) -> str:

@@ -21,7 +21,7 @@ def lines_of(figures: Mapping[str, Any], *, indent: str = "") -> Iterator[str]:
     """
     for key, value in figures.items():
         label, unit = one_line(without_unit(key)).removeprefix("n "), unit_of(key)
-        if value is None or value in ([], {}, ""):
+        if value is None or value in ([], (), {}, ""):
             continue
         if isinstance(value, Mapping):
             yield f"{indent}{label}:"
