@@ -12,7 +12,8 @@ from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.feeds.verified import VerifiedZone
 from wzsumo.files.lanes import LanesFile
 from wzsumo.geography import local_frame
-from wzsumo.report.zone_page import _label_place, differences, write_zone_page, zone_page
+from wzsumo.report.zone_drawings import WIDTHS, detail_drawing, label_place, map_drawing
+from wzsumo.report.zone_page import differences, write_zone_page, zone_page
 
 EXACT = LanesFile(lanes=lane_map_of(paper_layout()), frame=local_frame([[-83.74, 42.28]]))
 ANNOUNCED = AnnouncedZone(start_m=300.0, end_m=900.0, start_sd_m=150.0, end_sd_m=15.0, closed_lanes=(2,))
@@ -34,19 +35,23 @@ def test_page_sets_announced_against_verified_and_needs_no_network(tmp_path: Pat
     assert "http" not in page.replace("http-equiv", "")
     assert ">N</text>" in page
     assert "shoulders are assumed" in page
-    rows = re.findall(r"<tr><td>(\d)</td><td>(\w+)</td><td>(\w+)</td>", page)
+    rows = re.findall(r'<tr><th scope="row">(\d)</th><td>(\w+)</td><td>(\w+)</td>', page)
     assert rows == [("2", "closed", "closed"), ("1", "open", "shifted"), ("0", "open", "shifted")]
 
 
-def test_scale_bar_and_corners_are_true_to_the_ground() -> None:
-    page = zone_page(EXACT, announced=None, title="t")
-    bar, metres = re.search(r"H([\d.]+) M.*?>(\d+) m</text>", page).groups()  # type: ignore[union-attr]  # there is one
-    corners = re.findall(r">(-?\d+\.\d{5}), (-?\d+\.\d{5})</text>", page)
-    width = float(re.search(r'viewBox="0 0 ([\d.]+)', page).group(1)) - 2 * 20  # type: ignore[union-attr]  # corners stand 20 units inside
+@pytest.mark.parametrize("kind", ["broad", "narrow"])
+def test_scale_bar_and_corners_are_true_to_the_ground(kind: str) -> None:
+    drawing = map_drawing(EXACT, None, width=WIDTHS[kind])
+    (low, high) = drawing["corners"]
     assert EXACT.frame is not None
-    (low_lat, low_lon), (_, high_lon) = [(float(lat), float(lon)) for lat, lon in corners]
+    (low_lat, low_lon), (_, high_lon) = [tuple(map(float, corner["text"].split(", "))) for corner in (low, high)]
     east = EXACT.frame.from_lonlat([[low_lon, low_lat], [high_lon, low_lat]])
-    assert np.ptp(east[:, 0]) / width == pytest.approx(float(metres) / float(bar), rel=0.01)
+    assert np.ptp(east[:, 0]) / (high["x"] - low["x"]) == pytest.approx(drawing["bar_m"] / drawing["bar"], rel=0.01)
+
+
+def test_detail_draws_a_line_between_all_lanes_and_at_both_edges() -> None:
+    lines = detail_drawing(EXACT.lanes, None, width=1100.0)["lines"]
+    assert sorted(line["kind"] for line in lines) == ["edge", "edge", "lane", "lane"]  # of three lanes
 
 
 def test_page_of_a_map_without_a_place_or_announcement_says_so() -> None:
@@ -66,7 +71,7 @@ def test_page_of_a_map_without_a_place_or_announcement_says_so() -> None:
 )
 def test_names_of_marks_stand_beside_the_road_and_within_the_drawing(across: list[list[float]], anchor: str) -> None:
     for ends in (across, across[::-1]):
-        place = _label_place(np.array(ends))
+        place = label_place(np.array(ends), width=1100.0)
         assert place["anchor"] == anchor
         assert place["y"] < 90 if anchor == "middle" else place["x"] in {across[0][0] - 6, across[1][0] + 6}
         assert 0 < place["x"] + {"middle": 55, "start": 110, "end": -110}[anchor] < 1100

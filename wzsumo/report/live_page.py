@@ -30,7 +30,8 @@ def write_live_page(folder: Path, live: LiveMap) -> None:
     figures = [
         {
             "title": "Lanes", "png": _png(lanes_before_and_now(first.lanes, now.lanes)),
-            "caption": "Offsets are stretched. Ground without recent witnesses fades to P(open) = 0.5.",
+            "caption": "Offsets are stretched. Broken lines part lanes. Ground without recent witnesses fades to "
+            "P(open) = 0.5.",
         }
     ]  # fmt: skip
     numbers, _, shares = read_evidence(folder, len(live.ground.cells))
@@ -38,8 +39,9 @@ def write_live_page(folder: Path, live: LiveMap) -> None:
         figures.append(
             {
                 "title": "Evidence", "png": _png(evidence_over_time(live.ground.cells, numbers, shares, alarms)),
-                "caption": "The loudest chart at each place. Red bars are alarms over their stretch; grey lines go back to the "
-                "first trace that spoke for them.",
+                "caption": "The loudest chart at each place, from light (nothing speaks for a change) to dark (at the "
+                "threshold). Orange bars are alarms over their stretch; black lines go back to the first trace that spoke for "
+                "them.",
             }
         )  # fmt: skip
     html = page_template("live.html.j2").render(
@@ -63,5 +65,5 @@ def _with_sd(value: float | None, sd: float | None) -> str:
 
 def _png(figure: Figure) -> str:
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
+    figure.savefig(buffer, format="png")
     return base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -1,8 +1,4 @@
-"""zone.html: the lanes of a map on a plain vector map, and what was announced of the zone beside what the traces verify.
-
-The page needs no network: the drawing is SVG in metres, north up, with a scale and, where the map has a place on earth, the
-latitudes and longitudes of its corners.
-"""
+"""zone.html: the lanes of a map on a plain vector map, and what was announced of the zone beside what the traces verify."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,24 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 
 from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.feeds.publication import VERIFIED_WITHIN_M
 from wzsumo.feeds.verified import VerifiedZone, verified_zone
-from wzsumo.figures.zone_axes import BLUE, GREY, ORANGE, VERMILION
-from wzsumo.files.export.open_strips import open_sections
 from wzsumo.files.lanes import LanesFile
-from wzsumo.frames import FloatArray
 from wzsumo.lane_map import LaneMap
 from wzsumo.report.page import page_template
+from wzsumo.report.zone_drawings import WIDTHS, detail_drawing, map_drawing
 
 PAGE = "zone.html"
-MAP_WIDTH, MAP_HEIGHT = 1100.0, 520.0  # of the drawing, in its own units
-MARGIN = 60.0
-LEAST_LANE_WIDTH = 3.0  # drawn, in the same units: a zone of 2 km on 1100 units would have lanes of 2
-DETAIL_HEIGHT = 190.0  # of the drawing along the road, whose offsets are stretched
-LABEL_WIDTH = 110.0  # of "announced start", in the same units
 Z_95 = 1.96
 
 
@@ -80,8 +68,8 @@ def zone_page(content: LanesFile, *, announced: AnnouncedZone | None, title: str
         title=title,
         frame=content.frame.as_json() if content.frame else None,
         n_traces=lanes.n_traces,
-        map=_map_drawing(content, announced),
-        detail=_detail_drawing(lanes, announced),
+        maps={kind: map_drawing(content, announced, width=width) for kind, width in WIDTHS.items()},
+        details={kind: detail_drawing(lanes, announced, width=width) for kind, width in WIDTHS.items()},
         announced=announced,
         verified=verified,
         compared=compared,
@@ -95,110 +83,6 @@ def write_zone_page(content: LanesFile, folder: Path, *, announced: AnnouncedZon
     """Write zone.html."""
     page = zone_page(content, announced=announced, title="Work zone as driven", words=words)
     (folder / PAGE).write_text(page, encoding="utf-8")
-
-
-def _map_drawing(content: LanesFile, announced: AnnouncedZone | None) -> dict[str, Any]:
-    """Shapes of the map in the units of its drawing, north (or y) up."""
-    lanes = content.lanes
-    middle_line = np.mean([lane.middle for lane in lanes.lanes], axis=0)
-    ground = lanes.to_xy(lanes.stations, middle_line)
-    turn = 0.0 if content.frame is None else np.pi / 2 - content.frame.north_at(ground[len(ground) // 2])
-    to_north = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    low, high = (ground @ to_north.T).min(axis=0), (ground @ to_north.T).max(axis=0)
-    scale = min((MAP_WIDTH - 2 * MARGIN) / max(high[0] - low[0], 1.0), (MAP_HEIGHT - 2 * MARGIN) / max(high[1] - low[1], 1.0))
-    height = 2 * MARGIN + max(scale * (high[1] - low[1]), 60.0)
-    middle = (low + high) / 2
-
-    def place(xy: FloatArray) -> FloatArray:
-        moved = (xy @ to_north.T - middle) * scale
-        return np.column_stack([MAP_WIDTH / 2 + moved[:, 0], height / 2 - moved[:, 1]])
-
-    lane_width = float(np.median([lane.left - lane.right for lane in lanes.lanes]))
-    width = max(scale * lane_width, LEAST_LANE_WIDTH)
-    spread = width / (scale * lane_width)  # lanes are drawn apart where they would be hairlines
-    shapes = []
-    for index, lane in enumerate(lanes.lanes):
-        offset = middle_line + (lane.middle - middle_line) * spread
-        states = (
-            (GREY, [(lanes.stations[0], lanes.stations[-1])]), (VERMILION, lanes.closed_intervals(index)),
-            (BLUE, lanes.open_intervals(index)),
-        )  # fmt: skip
-        for colour, intervals in states:
-            for first, last in intervals:
-                s = np.linspace(first, last, 80)
-                path = place(lanes.to_xy(s, np.interp(s, lanes.stations, offset)))
-                shapes.append({"points": _points(path), "colour": colour, "width": round(0.8 * width, 2)})
-    marks = []
-    for name in ("start", "end") if announced else ():
-        s = getattr(announced, f"{name}_m")
-        across = place(lanes.to_xy([s, s], np.interp(s, lanes.stations, middle_line) + np.array([-14.0, 14.0]) / scale))
-        marks.append({"points": _points(across), "name": f"announced {name}", **_label_place(across)})
-    bar = _round_length(160.0 / scale)
-    corners = []
-    if content.frame is not None:
-        for x, y, anchor in ((MARGIN / 3, height - 6, "start"), (MAP_WIDTH - MARGIN / 3, 16.0, "end")):
-            metres = (np.array([x - MAP_WIDTH / 2, height / 2 - y]) / scale + middle) @ to_north
-            lon, lat = content.frame.to_lonlat(metres)
-            corners.append({"x": x, "y": y, "anchor": anchor, "text": f"{lat:.5f}, {lon:.5f}"})
-    return {
-        "width": MAP_WIDTH, "height": round(height, 1), "shapes": shapes, "marks": marks, "corners": corners,
-        "bar": round(bar * scale, 2), "bar_m": bar, "north": content.frame is not None, "drawn_apart": spread > 1.01,
-    }  # fmt: skip
-
-
-def _label_place(across: FloatArray) -> dict[str, Any]:
-    """Where the name of a mark across the road (2, 2) stands: above it, or at its side where the road runs up the drawing."""
-    (left, y_left), (right, y_right) = across[np.argsort(across[:, 0])]
-    if right - left < abs(y_right - y_left):
-        x = float(np.clip((left + right) / 2, MARGIN, MAP_WIDTH - MARGIN))  # so that its name is not cut off
-        return {"x": round(x, 1), "y": round(float(min(y_left, y_right)) - 4, 1), "anchor": "middle"}
-    room = right + 6 + LABEL_WIDTH < MAP_WIDTH
-    x, y = (right + 6, y_right) if room else (left - 6, y_left)
-    return {"x": round(float(x), 1), "y": round(float(y) + 4, 1), "anchor": "start" if room else "end"}
-
-
-def _detail_drawing(lanes: LaneMap, announced: AnnouncedZone | None) -> dict[str, Any]:
-    """The open strips along the road, offsets stretched; the direction of travel to the right."""
-    s0, s1 = float(lanes.stations[0]), float(lanes.stations[-1])
-    low = min(float(lane.right.min()) for lane in lanes.lanes)
-    high = max(float(lane.left.max()) for lane in lanes.lanes)
-    along, across = (MAP_WIDTH - 2 * MARGIN) / (s1 - s0), (DETAIL_HEIGHT - 70.0) / (high - low)
-
-    def place(s: FloatArray, d: FloatArray) -> FloatArray:
-        return np.column_stack([MARGIN + (s - s0) * along, 20.0 + (high - d) * across])
-
-    whole = np.vstack([place(lanes.stations, np.full(len(lanes.stations), d))[:: len(lanes.stations) - 1] for d in (low, high)])
-    strips = [{"points": _points(whole[[0, 1, 3, 2]]), "colour": GREY}]
-    for section in open_sections(lanes):
-        for strip in section.strips:
-            outline = np.vstack([place(section.stations, strip.right), place(section.stations, strip.left)[::-1]])
-            strips.append({"points": _points(_simplified(outline)), "colour": BLUE})
-    marks = []
-    for name in ("start", "end") if announced else ():
-        x = MARGIN + (getattr(announced, f"{name}_m") - s0) * along
-        sd = getattr(announced, f"{name}_sd_m") * along
-        marks.append({"x": round(x, 1), "left": round(x - sd, 1), "width": round(2 * sd, 1), "name": f"announced {name}"})
-    step = _round_length((s1 - s0) / 6)
-    at = np.arange(np.ceil(s0 / step) * step, s1, step)
-    ticks = [{"x": round(MARGIN + (station - s0) * along, 1), "text": f"{abs(station):.0f} m"} for station in at]
-    return {
-        "width": MAP_WIDTH, "height": DETAIL_HEIGHT, "base": DETAIL_HEIGHT - 45.0, "strips": strips, "marks": marks,
-        "ticks": ticks, "colour": ORANGE,
-    }  # fmt: skip
-
-
-def _simplified(outline: FloatArray) -> FloatArray:
-    return shapely.get_coordinates(shapely.simplify(shapely.LinearRing(outline), 0.1))
-
-
-def _points(path: FloatArray) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in path)
-
-
-def _round_length(length: float) -> float:
-    """The largest of 1, 2, 5, 10 ... that is not longer."""
-    power = 10 ** np.floor(np.log10(length))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= length))
 
 
 def _lane_rows(lanes: LaneMap, announced: AnnouncedZone | None, verified: VerifiedZone | None) -> list[dict[str, Any]]:
