@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from sweep_trials import FLEET, a_study, sweep
 
-from wzsumo.report.page import json_block, page_template, policy, script
+from wzsumo.report.page import json_block, page_template, policy, script, style
 from wzsumo.report.sweep_report import write_sweep_report
 from wzsumo.sweep import task_queue as engine
 from wzsumo.sweep.evaluation.study_case import StudyCase
@@ -51,14 +51,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def opened(page: str, folder: Path) -> str:
+def opened(page: str, folder: Path, *, options: Sequence[str] = ()) -> str:
     """The document that the browser has made of a page, after its scripts have run."""
     (folder / "page.html").write_text(page, encoding="utf-8")
-    options = (
+    quiet = (
         "--headless --no-sandbox --disable-gpu --no-first-run --disable-background-networking --disable-component-update "
         "--disable-sync --disable-dev-shm-usage --virtual-time-budget=2000 --dump-dom"
     )
-    command = [str(CHROMIUM), *options.split(), f"--user-data-dir={folder / 'profile'}", (folder / "page.html").as_uri()]
+    profile = f"--user-data-dir={folder / 'profile'}"
+    command = [str(CHROMIUM), *quiet.split(), *options, profile, (folder / "page.html").as_uri()]
     return subprocess.run(command, capture_output=True, check=True, text=True, errors="replace").stdout
 
 
@@ -148,7 +149,9 @@ def player_page() -> str:
     drive |= {"slowed": [[2.5, 4.0, "a bend of its path"]], "lines": [{"kind": "lane", "points": [[0, 2], [9, 2]]}]}
     part = page_template("drive_player.html.j2").render(best="b", player=json_block(drive))
     head = f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy("drive_player.js")}">'
-    return f"<!DOCTYPE html><html><head>{head}<title>t</title></head><body>{part}</body></html>"
+    body = f"<main><h1>t</h1><h2>t</h2>{part}</main>"
+    looks = f"<style>{style('page.css')}</style>"
+    return f'<!DOCTYPE html><html lang="en"><head>{head}<title>t</title>{looks}</head><body>{body}</body></html>'
 
 
 def test_script_of_a_page_is_the_packages_own_to_the_letter(folder: Path) -> None:

@@ -13,6 +13,7 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
 from wzsumo.errors import InputError
+from wzsumo.figures.drive_reasons import slowings_of
 from wzsumo.figures.zone_axes import new_figure, state_stretch
 from wzsumo.files.result_folder import read_result_folder
 from wzsumo.files.ros_map import write_map
@@ -227,6 +228,22 @@ def test_outline_of_the_drive_is_the_vehicle_of_the_run(folder: Path, tmp_path: 
     assert run.vehicle.width_m == 1.86
     (tmp_path / "scenario.toml").write_text("[vehicle]\nwidth_m = 2.5\n")
     assert replace(run, folder=tmp_path).vehicle.width_m == 2.5
+
+
+def test_run_whose_scenario_has_keys_that_are_no_longer_known_is_still_told(folder: Path, tmp_path: Path) -> None:
+    run = replace(read_result_folder(folder), folder=tmp_path)
+    (tmp_path / "drives").mkdir()
+    x = np.linspace(50, 550, 501)  # a metre a row, at 20 rows a second
+    log = {"time_s": x / 20, "x_m": x, "y_m": 3.7, "heading_rad": 0.0, "speed_mps": 20.0, "steering_rad": 0.0}
+    pd.DataFrame(log).to_csv(tmp_path / "drives" / "swept.csv", index=False)
+    ahead = pd.DataFrame({"vehicle_id": "a", "time_s": np.arange(3, 27, 0.1).round(1), "y_m": 3.7, "heading_rad": 0.0})
+    ahead = ahead.assign(x_m=20 * ahead["time_s"] + 30, speed_mps=20.0, length_m=5.0, width_m=2.0)
+    ahead.to_parquet(tmp_path / "drives" / "swept_traffic.parquet")
+    (tmp_path / "scenario.toml").write_text("[control]\ntarget_speed_mps = 25.0\n[control.others]\nno_longer = 1.0\n")
+    (slowing,) = slowings_of(run, "swept")
+    assert slowing.why == "a vehicle ahead"
+    (tmp_path / "scenario.toml").write_text("[control]\ntarget_speed_mps = 20.5\n")
+    assert slowings_of(run, "swept") == []
 
 
 def test_folder_without_a_run_is_refused_with_the_files_it_lacks(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ from wzsumo.figures.slowing import Slowing, slowings
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.frames import FloatArray, arc_length
 from wzsumo.path import ReferencePath
-from wzsumo.scenario.sections import ControlSection
 from wzsumo.spec import parse_spec, read_toml
+
+BEND_KEYS = ("max_lateral_mps2", "slowdown_mps2", "stop_at_goal")
 
 
 def slowings_of(run: ResultFolder, method: str) -> list[Slowing]:
@@ -32,10 +33,15 @@ def slowings_of(run: ResultFolder, method: str) -> list[Slowing]:
 
 
 def _control(run: ResultFolder, log: pd.DataFrame) -> ControlSpec:
-    """The control section of the run's scenario.toml; without one the highest speed of the drive is what the ego wished."""
+    """What the run's scenario.toml says of the speeds that the ego keeps; without a speed, the highest of the drive.
+
+    Keys that decide no speed are not read, so that a run is told also where those have changed since.
+    """
     path = run.folder / "scenario.toml"
-    table = read_toml(path).get("control", {}) if path.exists() else {}
-    return parse_spec(ControlSection, {"target_speed_mps": float(log["speed_mps"].max())} | table, source=f"{path}, control")
+    said = read_toml(path).get("control", {}) if path.exists() else {}
+    regulated = {key: value for key, value in said.get("regulated", {}).items() if key in BEND_KEYS}
+    kept = {key: said[key] for key in ("lateral", "target_speed_mps") if key in said} | {"regulated": regulated}
+    return parse_spec(ControlSpec, {"target_speed_mps": float(log["speed_mps"].max())} | kept, source=f"{path}, control")
 
 
 def _wished(log: pd.DataFrame, control: ControlSpec) -> FloatArray:

@@ -50,7 +50,8 @@ def write_sweep_figures(table: pd.DataFrame, folder: Path) -> list[ReportFigure]
     folder.mkdir(parents=True, exist_ok=True)
     factors, seeds = factors_of(table), f"n = {table['seed'].nunique()} seeds."
     numeric = [name for name in factors if pd.api.types.is_numeric_dtype(table[name])]
-    drawings = [_factor_drawing(table, factor, factors, seeds=seeds) for factor in factors]
+    in_order = sorted(factors, key=lambda name: name != TRACES_FACTOR)  # the study's question first
+    drawings = [_factor_drawing(table, factor, factors, seeds=seeds) for factor in in_order]
     if TRACES_FACTOR in numeric and set(MINUTES_FACTORS) & set(numeric):
         caption = (
             "Mean time from the first vehicle that leaves the zone to the one whose trace completes the number needed. "
