@@ -16,6 +16,6 @@ def test_notebook_of_the_papers_case_runs_from_top_to_bottom(monkeypatch: pytest
         notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": NOTEBOOK.parent}}
     ).execute()
     printed = "".join(output.get("text", "") for cell in ran.cells for output in cell.get("outputs", []))
-    assert "5 traces of" in printed
+    assert "5 traces make the map" in printed
     assert "FOUND" in printed
     assert any("image/png" in output.get("data", {}) for cell in ran.cells for output in cell.get("outputs", []))
