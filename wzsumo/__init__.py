@@ -3,7 +3,7 @@
 The nouns and the verbs. Each is loaded when it is first used:
 
 >>> import wzsumo
->>> layout = wzsumo.load_scenario("scenarios/paper.toml").layout()
+>>> layout = wzsumo.load_scenario("paper").layout()
 >>> round(layout.area("activity area").length / 0.3048)  # feet
 650
 """

@@ -45,7 +45,7 @@ def run_case(
     a section `slam`. `in_window` shows each drive live in sumo-gui. Nothing is written where the case cannot be run.
 
     >>> import wzsumo
-    >>> scenario = wzsumo.load_scenario("scenarios/paper.toml", seed=21)
+    >>> scenario = wzsumo.load_scenario("paper", seed=21)
     >>> result = wzsumo.run_case(scenario, "results/mine", methods=["swept"])  # doctest: +SKIP
     >>> result["methods"]["swept"]["iou"]                                      # doctest: +SKIP
     """

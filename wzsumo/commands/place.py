@@ -38,9 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--routes", type=Path, nargs="+", default=[], metavar="FILE", help="demand, where there is no sumocfg")
     parser.add_argument("--additionals", type=Path, nargs="+", default=[], metavar="FILE", help="detectors, stops, ...")
     parser.add_argument(
-        "--closed-from", type=number, default=0.0, metavar="S", help="when the set-up begins, from the beginning"
+        "--closed-from",
+        "--closed-from-s",
+        type=number,
+        default=0.0,
+        metavar="S",
+        help="when the set-up begins, from the beginning",
     )
-    parser.add_argument("--closed-for", type=number, metavar="S", help="from then on, until all lanes are open again")
+    parser.add_argument(
+        "--closed-for", "--closed-for-s", type=number, metavar="S", help="from then on, until all lanes are open again"
+    )
     add_out_folder(parser)
 
 

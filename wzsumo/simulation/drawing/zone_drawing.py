@@ -99,14 +99,21 @@ def _draw_signs(root: ET.Element, layout: WorkZoneLayout, pictures: Path) -> Non
 
 
 def _draw_arrow_boards(root: ET.Element, layout: WorkZoneLayout, pictures: Path) -> None:
-    """An arrow board at the beginning of each merging taper, on the shoulder of the side that closes (MUTCD, Part 6)."""
+    """An arrow board for each closed lane of a freeway, at the beginning of its merging taper.
+
+    The first stands on the shoulder, the next in the lane that is closed already. Source: MUTCD, notes to the typical
+    applications 33 and 37.
+    """
     road = layout.road
     tapers = [area for area in layout.areas if area.name.startswith("merging taper")]
     for number, taper in enumerate(tapers):
         edges = layout.drivable_right, layout.drivable_left
         right, left = (np.abs(np.diff(edge([taper.start, taper.end])))[0] for edge in edges)
         closes_right = bool(right > left)
-        offset = -road.right_shoulder / 2 if closes_right else road.left_edge - (road.left_edge - road.travelled_width) / 2
+        if number:
+            offset = road.lane_centre(number - 1 if closes_right else road.own_lanes - number)
+        else:
+            offset = -road.right_shoulder / 2 if closes_right else (road.left_edge + road.travelled_width) / 2
         name = "arrow_board_left.png" if closes_right else "arrow_board_right.png"
         write_arrow_board(pictures / name, to_the_left=closes_right)
         _at_a_post(root, layout, f"arrow_board_{number}", (taper.start, offset), name, size=BOARD_M, kind="arrow board")
