@@ -5,12 +5,13 @@ import json
 import subprocess
 from pathlib import Path
 
+import numba
 import pytest
 
 from wzsumo.cli import main, whole_parser
 from wzsumo.commands.terminal import progress
 from wzsumo.commands.terminal.completion import SHELLS, completion_script
-from wzsumo.commands.terminal.progress import progress_of, say
+from wzsumo.commands.terminal.progress import progress_of, say, telling_of_compiling
 from wzsumo.commands.terminal.words import lines_of
 
 
@@ -48,6 +49,20 @@ def test_quiet_command_says_nothing_on_its_way(capsys: pytest.CaptureFixture[str
     with progress_of(args(quiet=True))("mixtures", 1.0) as tell:
         tell(0.5)
     assert capsys.readouterr().err == ""
+
+
+def test_compiling_is_told_once_and_not_of_other_peoples_kernels(capsys: pytest.CaptureFixture[str]) -> None:
+    def kernel(number: float) -> float:
+        return number + 1
+
+    for module, quiet, n_lines in (("wzsumo.planning.made_up", False, 1), ("scipy", False, 0), ("wzsumo.made_up", True, 0)):
+        kernel.__module__ = module
+        with telling_of_compiling(args(quiet=quiet)):
+            for number in (1, 2.0):  # compiled for each type
+                numba.njit(kernel)(number)
+        err = capsys.readouterr().err
+        assert err.count("\n") == n_lines
+        assert not n_lines or err.startswith("compiling the kernels; this is done once")
 
 
 def test_quiet_leaves_out_the_next_command_and_keeps_the_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
