@@ -76,8 +76,9 @@ def row_of(
 ) -> dict[str, Any]:
     case = scenario.model_copy(update={"slam": spec_with(FAULTS[name], seed=scenario.seed, rate_hz=rate_hz)})
     zone = SimulatedZone(
-        over_zone=traces_over_zone(fleet, site.layout), whole_fleet=lambda: fleet, sumo_files=lambda: nullcontext(files)
-    )
+        over_zone=traces_over_zone(fleet, site.layout), whole_fleet=lambda: fleet, sumo_files=lambda: nullcontext(files),
+        fleet_before=lambda: fleet,
+    )  # fmt: skip
     sources = Sources(zone=zone, scenario=case, site=site, watch=Watch())
     result = evaluate(METHODS[METHOD], sources, scenario=case, site=site, watch=Watch())
     goal = goal_figures(result.plan, lane=scenario.route.goal_lane, scenario=scenario, site=site)

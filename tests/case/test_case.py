@@ -97,6 +97,7 @@ def test_case_holds_the_collected_traces_and_a_crowd_of_the_used_ones(events: li
     result = run(METHODS["hd_map"])
     assert events
     ids = set(result.collected["vehicle_id"])
+    assert result.crowd is not None
     used = set(result.crowd.traces["vehicle_id"])
     assert (len(ids), len(used)) == (6, 2)
     assert used < ids

@@ -15,6 +15,7 @@ from wzsumo.case.replanning import NewMap
 from wzsumo.control.plant import PlantSpec
 from wzsumo.ego import EgoRun, Outcome
 from wzsumo.grid import OccupancyGrid
+from wzsumo.planning.path_check import free_until
 from wzsumo.planning.plan import Plan
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.scenario import Pose, Scenario
@@ -27,6 +28,7 @@ from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
 SPEED = 15.0
+TOLD_S = 43.5  # s of the simulation, when maps come; the ego asks to enter at 40 s
 SCENARIO = Scenario.model_validate({
     "name": "closing", "seed": 5,
     "road": {"lane_count": 2, "lane_width_ft": 12, "left_shoulder_ft": 10, "right_shoulder_ft": 10, "length_ft": 3500},
@@ -56,11 +58,19 @@ def plan_on(grid: OccupancyGrid, site: Site, start: Pose) -> Plan:
     return plan_for(METHODS["hd_map"], MadeMap(grid, {}), scenario=scenario, site=replace(site, start=start))
 
 
-def drive(site: Site, files: SumoFiles, *, new_maps: list[NewMap]) -> EgoRun:
+def new_map(grid: OccupancyGrid, site: Site) -> NewMap:
+    free = partial(free_until, vehicle=CAR, spec=PlannerSpec(planned_speed_mps=SPEED))
+    return NewMap(
+        time_s=TOLD_S, plan=partial(plan_on, grid, site), free_until=lambda path, start: free(path, grid, start_m=start)
+    )
+
+
+def drive(site: Site, files: SumoFiles, *, new_maps: list[NewMap], doubtful_speed_mps: float = np.inf) -> EgoRun:
     path = plan_on(map_of_before(site), site, site.start).path
     assert path is not None
     control = ControlSection(target_speed_mps=SPEED)
-    how = Drive(vehicle=CAR, control=control, plant=PlantSpec(steering_lag_s=0.2), depart_s=40.0, time_limit_s=200.0)
+    how = Drive(vehicle=CAR, control=control, plant=PlantSpec(steering_lag_s=0.2), depart_s=40.0, time_limit_s=200.0,
+                doubtful_speed_mps=doubtful_speed_mps)  # fmt: skip
     return drive_path(path, layout=site.layout, files=files, drive=how, on_step=lambda _: None, new_maps=new_maps)
 
 
@@ -153,12 +163,12 @@ def true_map(site: Site) -> OccupancyGrid:
 def test_map_that_arrives_on_the_way_leads_the_ego_past_the_closed_lane_without_a_jump(
     site: Site, files: SumoFiles, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    run = drive(site, files, new_maps=[NewMap(after_s=3.0, plan=partial(plan_on, true_map(site), site))])
+    run = drive(site, files, new_maps=[new_map(true_map(site), site)])
     assert run.outcome is Outcome.REACHED_GOAL, run.reason
     # SUMO would warn of an "emergency stop" of the ego, which it counts to a lane that ends.
     assert capfd.readouterr() == ("", "")
     (replan,) = run.replans
-    assert replan.time_s == pytest.approx(run.log["time_s"].iloc[0] + 3.0, abs=2 * 0.05)
+    assert replan.time_s == pytest.approx(TOLD_S, abs=0.06)
     place = run.log["s_m"][run.log["time_s"] >= replan.time_s].iloc[0]
     assert replan.station_m == pytest.approx(place + 1.0 * SPEED, abs=1.5)
     # Nothing jumps: neither place, heading, the station of the log, nor the wheel.
@@ -170,9 +180,25 @@ def test_map_that_arrives_on_the_way_leads_the_ego_past_the_closed_lane_without_
     assert log["cross_track_m"].abs().max() < 0.2
 
 
-def test_map_without_a_way_on_ends_the_run_and_says_when_and_why(site: Site, files: SumoFiles) -> None:
+def test_ego_without_a_way_on_stops_ahead_of_ground_that_is_not_free_and_says_why(site: Site, files: SumoFiles) -> None:
     walled = site.cells.with_p_occupied(np.where(site.nominal, 0.0, 1.0))
-    run = drive(site, files, new_maps=[NewMap(after_s=2.0, plan=partial(plan_on, walled, site))])
+    run = drive(site, files, new_maps=[new_map(walled, site)])
     assert run.outcome is Outcome.NO_PATH
-    assert run.reason.startswith("on the map that came after 2.0 s no free corridor")
+    assert "no free corridor" in run.reason
+    assert run.reason.endswith("it stopped")
     assert [replan.status for replan in run.replans] == ["NO_PATH"]
+    last = run.log.iloc[-1]
+    assert last["speed_mps"] < 0.2
+    front = last["x_m"] + CAR.axle_to_bumper_m
+    assert front == pytest.approx(site.layout.start - 5.0, abs=2.0)  # the nominal lanes end where the zone begins
+    assert run.log["speed_mps"].diff().min() > -4.0 * 0.05
+
+
+def test_ego_passes_a_doubtful_place_slowly_and_speeds_up_behind_it(site: Site, files: SumoFiles) -> None:
+    doubt = NewMap(time_s=TOLD_S, plan=None, free_until=lambda _path, _from: np.inf, doubtful=((225.0, 260.0),))
+    run = drive(site, files, new_maps=[doubt], doubtful_speed_mps=9.0)
+    assert run.replans == ()
+    log = run.log
+    assert log["speed_mps"][(log["x_m"] > 230.0) & (log["x_m"] < 260.0)].max() < 9.5
+    assert log["speed_mps"][log["x_m"] < 180.0].min() > 13.0
+    assert log["speed_mps"].iloc[-1] > 9.5

@@ -22,7 +22,6 @@ from wzsumo.errors import SpecError
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, blank_grid
 from wzsumo.scenario.scenario import Scenario, load_scenario
-from wzsumo.scenario.sections import MapArrivalSpec, MapUpdatesSpec
 from wzsumo.scenario.site import Site, prepare_site
 
 PAPER = load_scenario("scenarios/paper.toml")
@@ -81,10 +80,10 @@ def test_minutes_to_collect_run_from_the_first_vehicle_to_the_last_of_those_that
     trace = straight_traces([MIDDLE], length_m=1100.0)
     traces = pd.concat([trace.assign(vehicle_id=f"v{n}", time_s=trace["time_s"] + 60 * n) for n in range(5)])
     scenario = PAPER.model_copy(update={"crowd": PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 4})})
-    assert collection_figures(traces, scenario, drives=False) == {"n_equipped": 5, "minutes_to_collect": pytest.approx(3.0)}
+    assert collection_figures(traces, scenario) == {"n_equipped": 5, "minutes_to_collect": pytest.approx(3.0)}
     more = PAPER.model_copy(update={"crowd": PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 6})})
     with pytest.raises(SpecError, match=r"crowd\.used"):
-        collection_figures(traces, more, drives=False)
+        collection_figures(traces, more)
 
 
 @pytest.mark.parametrize("k_max", [1, 2])
@@ -159,17 +158,6 @@ def test_trace_is_simplified_by_a_centimetre_at_most(scale: float, rises: bool) 
     rows = np.flatnonzero(ground.any(axis=1))
     height = (rows[-1] - rows[0] + 1) * 0.005
     assert (height > 2 * REACH_M + 0.05) == rises
-
-
-def test_maps_on_the_way_of_more_traces_than_there_are_are_refused_where_the_ego_drives() -> None:
-    trace = straight_traces([MIDDLE], length_m=1100.0)
-    traces = pd.concat([trace.assign(vehicle_id=f"v{n}") for n in range(5)])
-    arrivals = MapUpdatesSpec(arrivals=(MapArrivalSpec(after_s=1.0, used=4), MapArrivalSpec(after_s=2.0, used=6)))
-    crowd = PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 2})
-    scenario = PAPER.model_copy(update={"crowd": crowd, "map_updates": arrivals})
-    assert collection_figures(traces, scenario, drives=False)["n_equipped"] == 5
-    with pytest.raises(SpecError, match=r"map_updates\.arrivals\.used=6"):
-        collection_figures(traces, scenario, drives=True)
 
 
 def test_mixture_is_fitted_when_it_is_first_asked_for() -> None:

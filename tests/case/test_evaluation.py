@@ -4,42 +4,26 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pandas as pd
 import pytest
 from builders import straight_traces
 from case.finished_plans import SAFE_Y, coarse_paper, coarse_site, plan_of, run_along, straight_path
 
 from wzsumo.case import evaluation
 from wzsumo.case.assessment import assess
-from wzsumo.case.evaluation import MethodResult, drive_plan, evaluate, first_plan, new_maps, plan_to_open_lane, table_row
-from wzsumo.case.map_method import CrowdMethod, MadeMap, MapBeforeMethod, MapMethod, TracesMethod
-from wzsumo.case.methods import METHODS
+from wzsumo.case.evaluation import MethodResult, drive_plan, evaluate, new_maps, plan_to_open_lane, table_row
+from wzsumo.case.map_method import ArrivingMap, CrowdMethod, MadeMap, MapBeforeMethod, MapMethod
+from wzsumo.case.methods import METHODS, map_of_before
 from wzsumo.case.sources import Sources
 from wzsumo.case.watch import Watch
 from wzsumo.case.zone import SimulatedZone
 from wzsumo.ego import EgoRun
 from wzsumo.path import ReferencePath
-from wzsumo.planning.lane_route import LaneLine
 from wzsumo.planning.plan import Plan, PlanStatus
 from wzsumo.scenario.scenario import Scenario
-from wzsumo.scenario.sections import MapUpdatesSpec
 from wzsumo.simulation.files import SumoFiles
 
 PAPER = coarse_paper()
-ARRIVALS = {"arrivals": [{"after_s": 5.0, "used": 2}, {"after_s": 9.0, "used": 3}]}
-ALL_FREE = TracesMethod(
-    name="all_free",
-    title="",
-    make=lambda traces, task: MadeMap(
-        task.cells.with_p_occupied(np.zeros(task.cells.shape)), {"n": traces["vehicle_id"].nunique()}
-    ),
-)
-
-
-def with_updates(sets_out_with: str) -> Scenario:
-    updates = MapUpdatesSpec.model_validate(ARRIVALS | {"sets_out_with": sets_out_with})
-    crowd = PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 1})
-    mixture = PAPER.mixture.model_copy(update={"k_max": 1})
-    return PAPER.model_copy(update={"map_updates": updates, "crowd": crowd, "mixture": mixture})
 
 
 def zone() -> SimulatedZone:
@@ -47,7 +31,11 @@ def zone() -> SimulatedZone:
         return nullcontext(cast("SumoFiles", SimpleNamespace()))
 
     over_zone = straight_traces([1.83, 5.49, 5.5], length_m=1100.0)
-    return SimulatedZone(over_zone=over_zone, whole_fleet=lambda: over_zone, sumo_files=sumo_files)
+
+    def fleet() -> pd.DataFrame:
+        return over_zone
+
+    return SimulatedZone(over_zone=over_zone, whole_fleet=fleet, sumo_files=sumo_files, fleet_before=fleet)
 
 
 def sources(scenario: Scenario) -> Sources:
@@ -80,47 +68,40 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     return asked
 
 
-def test_ego_sets_out_with_the_methods_own_map(planned_on: list[dict[str, Any]]) -> None:
-    made = MadeMap(coarse_site().cells, {})
-    for scenario in (PAPER, with_updates("crowd")):
-        first_plan(METHODS["lanes"], made, scenario=scenario, site=coarse_site())
-        assert planned_on[-1]["made"] is made
+class Arriving(MapBeforeMethod):
+    """A method whose second map reaches the ego on its way, and whose doubts before that."""
+
+    def arriving(self, sources: Sources) -> tuple[ArrivingMap, ...]:
+        free = MadeMap(sources.site.cells.with_p_occupied(np.zeros(sources.site.cells.shape)), {})
+        return (ArrivingMap(time_s=200.0, made=None, doubtful=((100.0, 200.0),)), ArrivingMap(time_s=209.0, made=free))
 
 
-def test_ego_that_sets_out_with_the_map_of_before_takes_its_free_lanes_and_no_lane_of_the_crowd(
-    planned_on: list[dict[str, Any]],
-) -> None:
-    made = MadeMap(coarse_site().cells, {}, lines=(LaneLine(stations=np.array([0.0, 9.0]), offsets=np.zeros(2)),))
-    first_plan(METHODS["lanes"], made, scenario=with_updates("map_of_before"), site=coarse_site())
-    np.testing.assert_array_equal(
-        planned_on[0]["made"].grid.p_occupied, METHODS["hd_map"].map_of_zone(sources(PAPER)).grid.p_occupied
-    )
-    assert planned_on[0]["made"].lines == ()
-
-
-def test_map_of_another_source_is_set_out_with_whatever_arrives(planned_on: list[dict[str, Any]]) -> None:
-    made = MadeMap(coarse_site().cells, {})
-    first_plan(METHODS["slam_raw"], made, scenario=with_updates("map_of_before"), site=coarse_site())
-    assert planned_on[0]["made"] is made
-
-
-def test_maps_of_the_first_two_and_three_traces_arrive_and_are_planned_on_from_where_the_ego_is(
-    planned_on: list[dict[str, Any]],
-) -> None:
-    scenario = with_updates("crowd")
-    maps = new_maps(ALL_FREE, sources(scenario), scenario=scenario, site=coarse_site())
-    assert [new.after_s for new in maps] == [5.0, 9.0]
-    maps[1].plan((450.0, 5.0, 0.1))
+def test_maps_that_arrive_are_planned_on_from_where_the_ego_is(planned_on: list[dict[str, Any]]) -> None:
+    method, own = Arriving(name="arriving", title="", make=map_of_before), sources(PAPER)
+    doubt, new = new_maps(method, method.map_of_zone(own), own, scenario=PAPER, site=coarse_site())
+    assert (doubt.time_s, doubt.plan, doubt.doubtful) == (200.0, None, ((100.0, 200.0),))
+    assert new.time_s == 209.0
+    assert new.plan is not None
+    new.plan((450.0, 5.0, 0.1))
     (asked,) = planned_on
-    assert asked["made"].figures == {"n": 3}
     assert asked["site"].start == (450.0, 5.0, 0.1)
     assert asked["site"].goal == coarse_site().goal
     assert asked["made"].grid.free.all()
 
 
-@pytest.mark.parametrize(("method", "scenario"), [("hd_map", with_updates("crowd")), ("lanes", PAPER)])
-def test_no_map_arrives_of_another_source_or_where_the_scenario_names_none(method: str, scenario: Scenario) -> None:
-    assert new_maps(METHODS[method], sources(scenario), scenario=scenario, site=coarse_site()) == ()
+def test_path_is_free_on_a_doubted_map_as_far_as_on_the_one_before_and_on_a_new_map_as_far_as_that_is() -> None:
+    method, own = Arriving(name="arriving", title="", make=map_of_before), sources(PAPER)
+    walled = coarse_site().cells.with_p_occupied(np.ones(coarse_site().cells.shape))
+    doubt, new = new_maps(method, MadeMap(walled, {}), own, scenario=PAPER, site=coarse_site())
+    path = straight_path(SAFE_Y)
+    assert doubt.free_until(path, 20.0) == pytest.approx(20.0, abs=1.0)
+    assert new.free_until(path, 20.0) == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("method", ["hd_map", "lanes"])
+def test_no_map_arrives_where_the_zone_stays_as_it_is(method: str) -> None:
+    made = MadeMap(coarse_site().cells, {})
+    assert new_maps(METHODS[method], made, sources(PAPER), scenario=PAPER, site=coarse_site()) == ()
 
 
 def test_drive_begins_after_the_warm_up_and_ends_at_the_latest_400_s_later(driven: list[dict[str, Any]]) -> None:
@@ -233,7 +214,7 @@ def test_row_of_a_drive_has_its_outcome_its_measures_and_the_number_of_its_repla
 
 
 def test_method_of_before_has_no_crowd_and_one_of_the_crowd_has_that_of_the_sources() -> None:
-    own = sources(with_updates("crowd"))
+    own = sources(PAPER.model_copy(update={"crowd": PAPER.crowd.model_copy(update={"penetration": 1.0, "used": 1})}))
     assert isinstance(METHODS["hd_map"], MapBeforeMethod)
     assert METHODS["hd_map"].crowd_of(own) is None
     assert isinstance(METHODS["lanes"], CrowdMethod)

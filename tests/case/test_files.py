@@ -95,6 +95,7 @@ def test_traces_are_all_that_were_collected_with_a_mark_at_those_of_the_map(fold
 
 
 def test_mixture_and_samples_are_read_back_as_they_were_learned(case: CaseResult, folder: Path) -> None:
+    assert case.crowd is not None
     mixture = json.loads((folder / "mixture.json").read_text())
     for name in ("weights", "means", "covariances"):
         np.testing.assert_array_equal(mixture[name], getattr(case.crowd.mixture, name))
@@ -142,6 +143,7 @@ def test_result_is_what_its_file_holds_with_null_where_a_figure_is_not_a_number(
 
 
 def test_result_counts_traces_and_components_and_names_the_rule_and_the_times(case: CaseResult) -> None:
+    assert case.crowd is not None
     result = result_json(case)
     assert (result["n_collected"], result["n_traces"]) == (3, 2)
     assert (result["n_components"], result["n_components_rule"]) == (case.crowd.mixture.n_components, "bic")

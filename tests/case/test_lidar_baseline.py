@@ -151,7 +151,7 @@ def sources(shares: list[float]) -> Sources:
         yield shares.append
 
     fleet = fleet_of(("mapper", LANE, 0.0), ("follower", LANE, 1.5), ("beside", SITE.layout.road.lane_centre(0), 0.3))
-    zone = SimulatedZone(over_zone=fleet, whole_fleet=lambda: fleet, sumo_files=no_files)
+    zone = SimulatedZone(over_zone=fleet, whole_fleet=lambda: fleet, sumo_files=no_files, fleet_before=no_files)
     return Sources(zone=zone, scenario=SCENARIO, site=SITE, watch=Watch(progress=progress))
 
 

@@ -76,7 +76,7 @@ def test_map_without_lanes_is_searched_by_the_nominal_lanes_before_and_after_the
     layout = site.layout
     assert ((xs <= layout.start + 1e-6) | (xs >= layout.end - 1e-6)).all()
     assert {round(float(y), 2) for y in ys.ravel()} == {round(y, 2) for y in (RIGHT, MIDDLE, LEFT)}
-    assert len(nominal_lanes(site)) == 6
+    assert len(nominal_lanes(site.layout.road, beside=(site.layout.start, site.layout.end))) == 6
 
 
 def test_path_is_searched_for_where_the_route_is_not_free(paper: tuple[Scenario, Site]) -> None:

@@ -13,7 +13,7 @@ from wzsumo.sweep.evaluation.study_case import StudyCase
 DECIDED = {
     "name": "nothing", "seed": "simulation", "road": "simulation", "network": "simulation", "work_zone": "simulation",
     "site": "simulation", "simulation": "simulation", "crowd": "reports", "gnss": "reports", "mixture": "reports",
-    "map": "site", "route": "site", "vehicle": "site", "slam": "LiDAR", "map_updates": "drive", "planner": "drive",
+    "map": "site", "route": "site", "vehicle": "site", "slam": "LiDAR", "live": "simulation", "planner": "drive",
     "control": "drive", "plant": "drive",
 }  # fmt: skip
 # A key of each section that a study can vary, and another value than the paper's.
@@ -22,7 +22,7 @@ OTHER_VALUES: dict[str, tuple[str, Any]] = {
     "site": ("site.light", "night"), "simulation": ("simulation.demand.flow_vph", 901.0), "crowd": ("crowd.used", 4),
     "gnss": ("gnss.error_m", 1.0), "mixture": ("mixture.k_max", 7), "map": ("map.resolution_m", 0.2),
     "route": ("route.start_before_zone_m", 140.0), "vehicle": ("vehicle.width_m", 1.9), "slam": ("slam.traffic", False),
-    "map_updates": ("map_updates.arrivals", [{"after_s": 5.0, "used": 9}]), "planner": ("planner.planned_speed_mps", 11.0),
+    "live": ("live", {"changed_at_s": 300.0, "ego_after_s": 100.0}), "planner": ("planner.planned_speed_mps", 11.0),
     "control": ("control.target_speed_mps", 11.0), "plant": ("plant.mass_kg", 1600.0),
 }  # fmt: skip
 # What the names of simulation, source and evaluation depend on, by the source of the method's map.

@@ -1,6 +1,6 @@
 """Figures of a case: the map against the truth; planned and driven path against devices, pavement edges and closed area."""
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
 import pandas as pd
@@ -12,7 +12,7 @@ from wzsumo.ego import EgoRun, Outcome
 from wzsumo.metrics.clearance import clearance_along
 from wzsumo.metrics.conduct import faults_of, measure_conduct
 from wzsumo.metrics.contact import ContactChecker
-from wzsumo.metrics.delay_behind import delay_behind
+from wzsumo.metrics.delay_behind import DelayBehind, delay_behind
 from wzsumo.metrics.drive import measure_drive
 from wzsumo.metrics.map_quality import quality_of_cells
 from wzsumo.planning.plan import Plan
@@ -72,13 +72,17 @@ def assess(
         "drive": _drive_figures(moved, over_zone, scenario=scenario, site=site) if moved else None,
         "n_replans": len(run.replans) if run else 0,
         "replans": [asdict(replan) for replan in run.replans] if run else [],
+        "alarms": made.figures.get("alarms", []),
+        "false_alarms": made.figures.get("false_alarms", []),
         "plan_ms": plan.timings_ms["total"],
     }
 
 
 def _drive_figures(run: EgoRun, over_zone: pd.DataFrame, *, scenario: Scenario, site: Site) -> dict[str, Any]:
-    caused = delay_behind(run.log, run.followers, over_zone, road=site.layout.road, vehicle=scenario.vehicle)
-    return asdict(measure_drive(run, scenario.vehicle, road=site.layout.road)) | asdict(caused)
+    measured = asdict(measure_drive(run, scenario.vehicle, road=site.layout.road))
+    if over_zone.empty:  # nobody passes a road that is closed: there is no pace to compare with
+        return measured | dict.fromkeys((field.name for field in fields(DelayBehind)), None)
+    return measured | asdict(delay_behind(run.log, run.followers, over_zone, road=site.layout.road, vehicle=scenario.vehicle))
 
 
 def goal_figures(plan: Plan, *, lane: int, scenario: Scenario, site: Site) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from wzsumo.case.crowd import Crowd, reported_traces, with_traces_at_hand
+from wzsumo.case.crowd import Crowd, with_traces_at_hand
 from wzsumo.case.evaluation import MethodResult, evaluate, plan_to_open_lane
 from wzsumo.case.lidar_baseline import LidarBaseline
 from wzsumo.case.map_method import MapMethod, Source
@@ -25,7 +25,7 @@ class CaseResult:
     scenario: Scenario  # as it was run
     fleet: FleetMeasures
     collected: pd.DataFrame  # the reported traces
-    crowd: Crowd  # made of the used ones among them
+    crowd: Crowd | None  # made of the used ones among them; None where the zone changes
     lidar: LidarBaseline | None
     methods: dict[str, MethodResult]
     to_open_lane: dict[str, Plan]  # the plans to the goal in the open lane
@@ -38,9 +38,8 @@ def run_case(scenario: Scenario, *, methods: Sequence[MapMethod], sumo_folder: P
     site = prepare_site(scenario)
     zone, fleet = simulate_zone(scenario, site.layout, folder=sumo_folder, watch=watch)
     scenario, warnings = with_traces_at_hand(scenario, zone.over_zone)
-    collected = reported_traces(zone.over_zone, scenario, which="collected")
     sources = Sources(zone=zone, scenario=scenario, site=site, watch=watch)
-    crowd = sources.crowd
+    collected, crowd = sources.collected, sources.crowd if scenario.live is None else None
     load_kernels()  # before the first plan, whose time would include it
     results: dict[str, MethodResult] = {}
     to_open_lane: dict[str, Plan] = {}

@@ -30,6 +30,7 @@ STEP_S = 0.05  # of the control: 20 commands a second, each followed by moveToXY
 TRAFFIC_LOG_REACH_M = 100.0  # vehicles within this of the ego are logged: 4 s at 25 m/s
 FOLLOWERS_LOG_PERIOD_S = 1.0  # of the log of all vehicles, which shows what the ego costs those behind it
 NOT_AHEAD_M = 10.0  # a vehicle, even a truck, is beside or behind the ego if its centre is less than this before the rear axle
+STANDS_MPS = 0.1  # slower, the ego stands
 INSERTION_WAIT_S = 120.0  # how long SUMO may look for a gap that a driver would enter; chosen by us
 
 
@@ -42,6 +43,7 @@ class Drive:
     plant: PlantSpec
     depart_s: float  # simulated time at which the ego asks to enter
     time_limit_s: float  # from then on
+    doubtful_speed_mps: float = np.inf  # at places at which its map may be wrong
     in_window: bool = False  # whether it is shown in sumo-gui
 
 
@@ -56,8 +58,8 @@ def drive_path(
 ) -> EgoRun:
     """The run of the ego along `path` in the traffic of `files`. `on_step` is told the station [m] on the path each step.
 
-    The other drivers act as often as they do without the ego. `new_maps` reach the ego in their order; one on which no path
-    leads on ends the run.
+    The other drivers act as often as they do without the ego. `new_maps` reach the ego in their order. One on which no path
+    leads on makes it stop ahead of ground that is not free there, which ends the run.
     """
     checker, record = ContactChecker(layout, drive.vehicle), _RunRecord()
     around = files.surroundings.around if files.surroundings else ()
@@ -66,16 +68,21 @@ def drive_path(
         state = _enter(session, path, layout=layout, files=files, drive=drive)
         if state is None:
             return record.ended(Outcome.TIMED_OUT, f"no gap to enter the road within {INSERTION_WAIT_S:g} s")
-        follower = PathFollower(path, layout=layout, vehicle=drive.vehicle, control=drive.control)
+        follower = PathFollower(
+            path, layout=layout, vehicle=drive.vehicle, control=drive.control, doubtful_speed_mps=drive.doubtful_speed_mps
+        )
         entered, maps_to_come, traffic = session.time, deque(new_maps), session.traffic()
         planner, highest = SpeedPlanner(drive.control.others), np.inf
         while True:
-            if maps_to_come and session.time >= entered + maps_to_come[0].after_s:
+            while maps_to_come and session.time >= maps_to_come[0].time_s:
                 replan = follower.replan(maps_to_come.popleft(), state, time=session.time)
-                record.replans.append(replan)
-                if replan.reason:
-                    after = f"on the map that came after {session.time - entered:.1f} s"
-                    return record.ended(Outcome.NO_PATH, f"{after} {replan.reason}")
+                record.replans += [replan] if replan else []
+            if follower.has_no_way_on and state.speed < STANDS_MPS:
+                last = record.replans[-1]
+                return record.ended(
+                    Outcome.NO_PATH,
+                    f"on the map that came {last.time_s - entered:.1f} s after it entered {last.reason}; it stopped",
+                )
             if on_clock(session.time):
                 record.look_around(session.time, state, traffic)
                 session.allow_emergency_braking(_not_ahead(state, traffic))
@@ -83,7 +90,7 @@ def drive_path(
                 may_enter = session.may_enter_shared_lane()
                 if drive.control.minds_others:
                     highest = planner.ceiling(follower.outlook(state), traffic, layout=layout, may_enter=may_enter, dt=CLOCK_S)
-            command = follower.controller.command(state, dt=STEP_S, ceiling=highest)
+            command = follower.controller.command(state, dt=STEP_S, ceiling=min(highest, follower.ceiling(state)))
             record.steps.append(_log_row(session.time, state, command, follower.controller))
             state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
             bodies = bodies_in_lanes(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)

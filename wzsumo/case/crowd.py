@@ -59,8 +59,10 @@ def equipped_vehicles(over_zone: pd.DataFrame, scenario: Scenario) -> tuple[list
 def with_traces_at_hand(scenario: Scenario, over_zone: pd.DataFrame) -> tuple[Scenario, list[str]]:
     """(the scenario with as many traces as equipped vehicles passed, where it asks for more; what was changed).
 
-    Raises SpecError where none passed.
+    Where the zone changes nothing is: then all traces count. Raises SpecError where none passed.
     """
+    if scenario.live is not None:
+        return scenario, []
     equipped, _ = equipped_vehicles(over_zone, scenario)
     if not equipped:
         first_traces(equipped, scenario.crowd.collected, key="crowd.collected")
@@ -77,8 +79,10 @@ def sets_out_s(over_zone: pd.DataFrame, scenario: Scenario) -> float:
     """Time [s] at which the ego asks to enter the road: after the warm-up, and when the traces of its map have left the zone.
 
     All methods of a case set out at this time, in the same traffic. Where the scenario's traces are of the whole run, or fewer
-    passed than are used, the ego sets out after the warm-up.
+    passed than are used, the ego sets out after the warm-up. Where the zone changes, it sets out when the section [live] says.
     """
+    if scenario.live is not None:
+        return scenario.live.ego_sets_out_s
     warm_up_s, used = scenario.simulation.demand.warm_up_s, scenario.crowd.used
     equipped, passed_at_s = equipped_vehicles(over_zone, scenario)
     if scenario.crowd.known != "passed" or len(equipped) < used:
@@ -86,15 +90,13 @@ def sets_out_s(over_zone: pd.DataFrame, scenario: Scenario) -> float:
     return max(warm_up_s, float(np.ceil(passed_at_s[equipped[:used]].max())))
 
 
-def collection_figures(over_zone: pd.DataFrame, scenario: Scenario, *, drives: bool) -> dict[str, Any]:
+def collection_figures(over_zone: pd.DataFrame, scenario: Scenario) -> dict[str, Any]:
     """How many equipped vehicles passed, and the minutes from the first vehicle's passing to that of the last one that is used.
 
-    Raises SpecError where fewer passed than are used, or where the ego drives, than a map that arrives on its way is made of.
+    Raises SpecError where fewer passed than are used.
     """
     equipped, passed_at_s = equipped_vehicles(over_zone, scenario)
     first_traces(equipped, scenario.crowd.used, key="crowd.used")
-    for arrival in scenario.map_updates.arrivals if drives and scenario.map_updates else ():
-        first_traces(equipped, arrival.used, key="map_updates.arrivals.used")
     waited_s = passed_at_s[equipped].sort_values().to_numpy()[scenario.crowd.used - 1] - passed_at_s.min()
     return {"n_equipped": len(equipped), "minutes_to_collect": float(waited_s) / 60}
 

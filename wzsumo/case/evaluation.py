@@ -9,8 +9,7 @@ from wzsumo.case.assessment import assess, goal_figures, lidar_figures
 from wzsumo.case.closed_loop import Drive, drive_path
 from wzsumo.case.crowd import sets_out_s
 from wzsumo.case.lidar_baseline import LidarBaseline
-from wzsumo.case.map_method import CrowdMethod, MadeMap, MapMethod
-from wzsumo.case.methods import map_of_before
+from wzsumo.case.map_method import MadeMap, MapMethod
 from wzsumo.case.plans import plan_for
 from wzsumo.case.replanning import NewMap
 from wzsumo.case.sources import Sources
@@ -18,6 +17,8 @@ from wzsumo.case.watch import Watch
 from wzsumo.case.zone import SimulatedZone
 from wzsumo.ego import EgoRun
 from wzsumo.grid import OccupancyGrid
+from wzsumo.path import ReferencePath
+from wzsumo.planning.path_check import free_until
 from wzsumo.planning.plan import Plan, PlanStatus
 from wzsumo.scenario.scenario import Pose, Scenario
 from wzsumo.scenario.site import Site, site_with_open_goal
@@ -57,9 +58,9 @@ def evaluate(
     zone, crowd = sources.zone, method.crowd_of(sources)
     with watch.timing(f"map {method.name}"):
         made = made or method.map_of_zone(sources)
-    plan = first_plan(method, made, scenario=scenario, site=site)
+    plan = plan_for(method, made, scenario=scenario, site=site)
     with watch.timing(f"drive {method.name}"):
-        maps = new_maps(method, sources, scenario=scenario, site=site) if drives else ()
+        maps = new_maps(method, made, sources, scenario=scenario, site=site) if drives else ()
         run = drive_plan(plan, zone, name=method.name, scenario=scenario, site=site, maps=maps, watch=watch) if drives else None
     figures = assess(made, plan, run, crowd=crowd, over_zone=zone.over_zone, scenario=scenario, site=site)
     return MethodResult(made=made, plan=plan, run=run, figures=figures)
@@ -87,37 +88,33 @@ def drive_plan(
     drive = Drive(
         vehicle=scenario.vehicle, control=scenario.control, plant=scenario.plant,
         depart_s=sets_out_s(zone.over_zone, scenario), time_limit_s=DRIVE_LIMIT_S, in_window=watch.in_window,
+        doubtful_speed_mps=scenario.control.target_speed_mps * (scenario.live.doubtful_speed_share if scenario.live else 1.0),
     )  # fmt: skip
     with watch.progress(f"drive on {name}", float(plan.path.arc_length[-1])) as tell, zone.sumo_files() as files:
         return drive_path(plan.path, layout=site.layout, files=files, drive=drive, on_step=tell, new_maps=maps)
 
 
-def first_plan(method: MapMethod, made: MadeMap, *, scenario: Scenario, site: Site) -> Plan:
-    """The plan that the ego sets out with.
-
-    It is a plan on `made`, the method's own map. A map of a crowd may reach the ego later: where the scenario says so, the
-    first plan is one on the map of the road without the zone.
-    """
-    updates = scenario.map_updates
-    if isinstance(method, CrowdMethod) and updates is not None and updates.sets_out_with == "map_of_before":
-        made = MadeMap(map_of_before(site), {})
-    return plan_for(method, made, scenario=scenario, site=site)
-
-
-def new_maps(method: MapMethod, sources: Sources, *, scenario: Scenario, site: Site) -> tuple[NewMap, ...]:
-    """The maps of larger crowds that reach the ego on its way, each with the function that plans on it."""
-    if scenario.map_updates is None or not isinstance(method, CrowdMethod):
-        return ()
-    found = []
-    for arriving in sources.arriving(scenario.map_updates.arrivals):
-        made = method.map_of_crowd(arriving.crowd, scenario=scenario, site=site)
-        plan = partial(_plan_from, method=method, made=made, scenario=scenario, site=site)
-        found.append(NewMap(after_s=arriving.after_s, plan=plan))
+def new_maps(method: MapMethod, made: MadeMap, sources: Sources, *, scenario: Scenario, site: Site) -> tuple[NewMap, ...]:
+    """The maps that reach the ego after `made`, each with the functions that plan on it and say how far a path is free."""
+    found, grid = [], made.grid
+    for arriving in method.arriving(sources):
+        plan = None
+        if arriving.made is not None:
+            plan, grid = (
+                partial(_plan_from, method=method, made=arriving.made, scenario=scenario, site=site),
+                arriving.made.grid,
+            )
+        free = partial(_free_until, grid=grid, scenario=scenario)
+        found.append(NewMap(time_s=arriving.time_s, plan=plan, free_until=free, doubtful=arriving.doubtful))
     return tuple(found)
 
 
 def _plan_from(start: Pose, *, method: MapMethod, made: MadeMap, scenario: Scenario, site: Site) -> Plan:
     return plan_for(method, made, scenario=scenario, site=replace(site, start=start))
+
+
+def _free_until(path: ReferencePath, start_m: float, *, grid: OccupancyGrid, scenario: Scenario) -> float:
+    return free_until(path, grid, start_m=start_m, vehicle=scenario.vehicle, spec=scenario.planner)
 
 
 def table_row(result: MethodResult, *, lidar: LidarBaseline | None, drives: bool) -> dict[str, Any]:
@@ -127,6 +124,9 @@ def table_row(result: MethodResult, *, lidar: LidarBaseline | None, drives: bool
     """
     figures = dict(result.figures)
     del figures["replans"]  # a table has their number alone
+    alarms, n_false = figures.pop("alarms"), len(figures.pop("false_alarms"))
+    first = alarms[0] if alarms else {}
+    figures |= {"alarm": first.get("kind"), "alarm_at_s": first.get("at_s"), "n_alarms": len(alarms), "n_false_alarms": n_false}
     planned, driven, measured, conduct = (figures.pop(name) or {} for name in ("planned", "driven", "drive", "conduct"))
     figures |= {f"slam_{name}": value for name, value in (lidar_figures(lidar) if lidar else {}).items()}
     figures |= {f"planned_{name}": value for name, value in planned.items()}

@@ -34,8 +34,8 @@ def write_case(result: CaseResult, folder: Path) -> dict[str, Any]:
     _write_traffic(result.fleet.traffic, folder)
     if result.fleet.network is not None:
         result.fleet.network.edges.to_csv(folder / "traffic" / "edges.csv", index=False, float_format="%.3f")
-    _write_traces(result.collected, used=result.crowd.traces, folder=folder)
-    if result.crowd.is_fitted:
+    _write_traces(result.collected, used=result.crowd.traces if result.crowd else result.collected, folder=folder)
+    if result.crowd and result.crowd.is_fitted:
         _write_crowd(result.crowd, folder)
     for name, method in result.methods.items():
         _write_method(folder, name, method)
@@ -54,8 +54,8 @@ def result_json(result: CaseResult) -> dict[str, Any]:
         "seed": scenario.seed,
         "version": __version__,
         "n_collected": int(result.collected["vehicle_id"].nunique()),
-        "n_traces": int(result.crowd.traces["vehicle_id"].nunique()),
-        "n_components": result.crowd.mixture.n_components if result.crowd.is_fitted else None,
+        "n_traces": int((result.crowd.traces if result.crowd else result.collected)["vehicle_id"].nunique()),
+        "n_components": result.crowd.mixture.n_components if result.crowd and result.crowd.is_fitted else None,
         "n_components_rule": scenario.mixture.criterion,
         "fleet": asdict(fleet.summary),
         "traffic": asdict(fleet.traffic.summary) | {"hcm_queue_discharge_vph": _hcm_queue_discharge_vph(scenario)},

@@ -10,9 +10,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import pandas as pd
 
+from wzsumo.case.change.stream import section_of
+from wzsumo.case.change.updates import Update
 from wzsumo.case.crowd import Crowd, witness_reach_m
 from wzsumo.case.sources import Sources
 from wzsumo.case.watch import Tell
+from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
 from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec, driven_lines
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
@@ -33,12 +36,16 @@ PLACE_SD_M = 0.25  # of a driver's place in the lane: the lateral position's, Br
 MAX_MIXTURE_FIXES = 100_000  # of a longer file every n-th fix is taken; 300 traces of 33 s at 10 Hz; chosen by us
 
 
+WAY_S = 600.0  # after it set out, for which maps are made for the ego: longer than any drive (`evaluation.DRIVE_LIMIT_S`)
+
+
 class Source(StrEnum):
     """What a map is made of."""
 
     CROWD = "crowd"  # traces of equipped vehicles
     LIDAR = "lidar"  # scans of one mapping drive
     MAP_BEFORE = "map_before"  # the road from before the zone
+    LIVE = "live"  # traces from before and after a change of the zone
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,6 +72,16 @@ class MadeMap(NamedTuple):
     lanes: LaneMap | None = None
     lines: tuple[LaneLine, ...] = ()
     lane_width_m: float | None = None
+    mapped: tuple[float, float] | None = None  # stations [m] between which the lines hold; None: in the announced zone
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArrivingMap:
+    """A map that reaches the ego on its way; `made` is None where only the doubts about the one before are others."""
+
+    time_s: float  # of the simulation
+    made: MadeMap | None
+    doubtful: tuple[tuple[float, float], ...] = ()  # from and to [m], stations at which the map may be wrong
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,6 +98,10 @@ class MapMethod(ABC):
     @abstractmethod
     def map_of_zone(self, sources: Sources) -> MadeMap:
         """The map over the site's cells."""
+
+    def arriving(self, sources: Sources) -> tuple[ArrivingMap, ...]:  # noqa: ARG002 - live maps look at the sources
+        """The maps that reach the ego on its way, in their order."""
+        return ()
 
     def crowd_of(self, sources: Sources) -> Crowd | None:  # noqa: ARG002 - methods of the crowd look at the sources
         """The crowd that the map is made of, None where it is made of something else."""
@@ -187,6 +208,52 @@ class MapBeforeMethod(MapMethod):
     def map_of_zone(self, sources: Sources) -> MadeMap:
         """The map over the site's cells."""
         return MadeMap(self.make(sources.site), {})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LiveMethod(MapMethod):
+    """A live map of the traces of the whole road. It knows no announcement, and not when or where the zone changes."""
+
+    goes_on: bool = True  # false: it stays as it was before the change
+    source: ClassVar[Source] = Source.LIVE
+
+    def map_of_zone(self, sources: Sources) -> MadeMap:
+        """The map over the site's cells when the ego sets out."""
+        section = section_of(sources.scenario)
+        known = [update for update in self._updates(sources) if update.time_s <= section.ego_sets_out_s]
+        alarms = [update.alarm.as_json() for update in sources.updates if update.alarm]
+        figures = {"alarms": alarms, "false_alarms": [alarm.as_json() for alarm in sources.settled.false_alarms]}
+        return _map_of_lanes(known[-1].lanes, sources.site, figures)
+
+    def arriving(self, sources: Sources) -> tuple[ArrivingMap, ...]:
+        """The doubts that the ego sets out with, and the maps and doubts that come later."""
+        sets_out_s, updates = section_of(sources.scenario).ego_sets_out_s, self._updates(sources)
+        last = max(number for number, update in enumerate(updates) if update.time_s <= sets_out_s)
+        first = ArrivingMap(time_s=sets_out_s, made=None, doubtful=updates[last].doubtful)
+        later = tuple(
+            ArrivingMap(
+                time_s=update.time_s, made=_map_of_lanes(update.lanes, sources.site, {}) if update.redrawn else None,
+                doubtful=update.doubtful,
+            )
+            for update in updates[last + 1 :]
+            if update.time_s < sets_out_s + WAY_S
+        )  # fmt: skip
+        return (first, *later)
+
+    def _updates(self, sources: Sources) -> tuple[Update, ...]:
+        if self.goes_on:
+            return sources.updates
+        settled = sources.settled.live
+        lanes = settled.ground.lanes
+        return (Update(time_s=-np.inf, lanes=lanes, redrawn=False, doubtful=(), alarm=None, n_traces=0),)
+
+
+def _map_of_lanes(lanes: LaneMap, site: Site, figures: dict[str, Any]) -> MadeMap:
+    low, high = (float(station) for station in lanes.stations[[0, -1]])
+    width = float(np.median([lane.left - lane.right for lane in lanes.lanes]))
+    return MadeMap(
+        occupancy_grid(lanes, site.cells), figures, lanes, lines=lines_of_lanes(lanes), lane_width_m=width, mapped=(low, high)
+    )
 
 
 def lines_of_lanes(lanes: LaneMap) -> tuple[LaneLine, ...]:

@@ -9,6 +9,7 @@ import shapely
 from wzsumo.case.crowd import Crowd, free_witnessed_ground
 from wzsumo.case.map_method import (
     LidarMethod,
+    LiveMethod,
     MadeMap,
     MapBeforeMethod,
     MapMethod,
@@ -54,18 +55,33 @@ def methods_from(*sources: Source) -> dict[str, MapMethod]:
     return {name: method for name, method in METHODS.items() if method.source in sources}
 
 
+def _fitting(method: MapMethod, scenario: Scenario) -> MapMethod:
+    """The method. Raises SpecError where it needs a zone that changes, or one that does not."""
+    if scenario.live is None and method.source is Source.LIVE:
+        raise SpecError(f"method {method.name}: needs a section [live] in the scenario, which says how the zone changes")
+    if scenario.live is not None and method.source not in (Source.LIVE, Source.MAP_BEFORE):
+        others = ", ".join(methods_from(Source.LIVE, Source.MAP_BEFORE))
+        raise SpecError(f"method {method.name}: makes one map, and the section [live] changes the zone; take of {others}")
+    return method
+
+
 def is_baseline(name: str) -> bool:
     """Whether the method of that name is a baseline: its maps are not made of the crowd's traces."""
     return name in METHODS and METHODS[name].source is not Source.CROWD
 
 
 def chosen_methods(names: Iterable[str] | None, scenario: Scenario) -> tuple[MapMethod, ...]:
-    """The methods of these names. Without names they are those of the crowd, or all where the scenario has a section `slam`."""
+    """The methods of these names. Without names they are those of the crowd, or live maps where the zone changes, or all
+    where the scenario has a section `slam`.
+    """
     if isinstance(names, str):
         raise SpecError(f"methods={names!r}: must be a list of names, such as [{names!r}]")
     if names is not None:
-        return tuple(method_named(name) for name in names)
-    return tuple((METHODS if scenario.slam else methods_from(Source.CROWD)).values())
+        return tuple(_fitting(method_named(name), scenario) for name in names)
+    if scenario.live is not None:
+        return tuple(methods_from(Source.LIVE).values())
+    fixed = (Source.CROWD, Source.LIDAR, Source.MAP_BEFORE)
+    return tuple(methods_from(*(fixed if scenario.slam else fixed[:1])).values())
 
 
 def plan_for_a_point(planner: PlannerSpec) -> PlannerSpec:
@@ -127,6 +143,8 @@ for _method in (
     LidarMethod(name="slam_raw", title="(a) LiDAR SLAM, raw bird's-eye view", form=lambda maps: maps.birds_eye),
     LidarMethod(name="slam_log_odds", title="(b) LiDAR SLAM, log-odds with carved free space", form=lambda maps: maps.log_odds),
     LidarMethod(name="slam_barrier", title="(c) LiDAR SLAM, devices joined into a barrier", form=lambda maps: maps.barrier),
+    LiveMethod(name="live", title="live map of the traces", cpu_s=60.0),
+    LiveMethod(name="map_of_before", title="map of the traces before the change", cpu_s=60.0, goes_on=False),
     MapBeforeMethod(name="hd_map", title="HD map of before", make=map_of_before),
     MapBeforeMethod(name="hd_map_devices", title="HD map of before, devices marked", make=map_of_before_with_devices),
 ):

@@ -48,8 +48,9 @@ def within_lane(planner: PlannerSpec, made: MadeMap, *, scenario: Scenario, site
 def lanes_to_goal(made: MadeMap, *, scenario: Scenario, site: Site) -> tuple[FloatArray | None, FloatArray]:
     """The route (n, 2) [m] in lanes from start to goal, None where the map knows none, and lines (n, 2, 2) along all lanes."""
     road, layout = site.layout.road, site.layout
-    nominal = nominal_lanes(site)
-    in_zone = [part for line in made.lines if (part := line.between(layout.start, layout.end)) is not None]
+    mapped = made.mapped or (layout.start, layout.end)
+    nominal = nominal_lanes(road, beside=mapped)
+    in_zone = [part for line in made.lines if (part := line.between(*mapped)) is not None]
     all_lanes = np.concatenate([_chords(line.stations, line.offsets, road) for line in (*nominal, *in_zone)])
     if not in_zone:
         return None, all_lanes
@@ -65,12 +66,12 @@ def lanes_to_goal(made: MadeMap, *, scenario: Scenario, site: Site) -> tuple[Flo
     return road.to_xy(stations, route), all_lanes
 
 
-def nominal_lanes(site: Site) -> list[LaneLine]:
-    """The lane centres of the road before and after the announced zone."""
-    road, layout = site.layout.road, site.layout
+def nominal_lanes(road: Road, *, beside: tuple[float, float]) -> list[LaneLine]:
+    """The lane centres of the road before and after the stations [m] of the announced zone, or of a map."""
     return [
         LaneLine(stations=np.array(stretch), offsets=np.full(2, road.lane_centre(lane)))
-        for stretch in ((0.0, layout.start), (layout.end, road.length))
+        for stretch in ((0.0, beside[0]), (beside[1], road.length))
+        if stretch[0] < stretch[1]
         for lane in range(road.own_lanes)
     ]
 

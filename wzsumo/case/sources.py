@@ -5,21 +5,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
+import pandas as pd
+
+from wzsumo.case.change.stream import ChangingStream, changing_stream, known_before, section_of
+from wzsumo.case.change.updates import Settled, Update, settled_map, updates_of
 from wzsumo.case.crowd import Crowd, reported_traces
 from wzsumo.case.lidar_baseline import LidarBaseline, map_by_lidar
 from wzsumo.case.watch import Tell, Watch
 from wzsumo.case.zone import SimulatedZone
+from wzsumo.errors import SpecError
 from wzsumo.scenario.scenario import Scenario
-from wzsumo.scenario.sections import MapArrivalSpec, SlamSpec
+from wzsumo.scenario.sections import SlamSpec
 from wzsumo.scenario.site import Site
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ArrivingCrowd:
-    """The crowd of a map that reaches the ego on its way, and when."""
-
-    after_s: float  # since the ego entered the road
-    crowd: Crowd
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,8 +35,20 @@ class Sources:
 
     @cached_property
     def crowd(self) -> Crowd:
-        """The first `crowd.used` traces and what they teach. Raises SpecError where fewer equipped vehicles passed."""
+        """The first `crowd.used` traces and what they teach.
+
+        Raises SpecError where fewer equipped vehicles passed, or the zone changes.
+        """
+        if self.scenario.live is not None:
+            raise SpecError("a map of one crowd does not go with the section [live]; take live, map_of_before or hd_map")
         return self.known_crowd or self._learn(self.scenario)
+
+    @cached_property
+    def collected(self) -> pd.DataFrame:
+        """The reported traces: the first `crowd.collected`, or where the zone changes all from then on."""
+        if self.scenario.live is not None:
+            return self.stream.reported
+        return reported_traces(self.zone.over_zone, self.scenario, which="collected")
 
     @cached_property
     def lidar(self) -> LidarBaseline:
@@ -48,14 +57,28 @@ class Sources:
         with self.watch.timing("LiDAR mapping drive"), self.watch.progress("LiDAR mapping drive", 1.0) as tell:
             return map_by_lidar(self.zone.whole_fleet(), spec, scenario=self.scenario, site=self.site, on_share=tell)
 
-    def arriving(self, arrivals: tuple[MapArrivalSpec, ...]) -> tuple[ArrivingCrowd, ...]:
-        """The crowds of the maps that arrive on the way. Raises SpecError where fewer vehicles passed than a map asks for."""
-        found = []
-        for arrival in arrivals:
-            crowd = self.scenario.crowd.model_copy(update={"used": arrival.used})
-            learned = self._learn(self.scenario.model_copy(update={"crowd": crowd}))
-            found.append(ArrivingCrowd(after_s=arrival.after_s, crowd=learned))
-        return tuple(found)
+    @cached_property
+    def stream(self) -> ChangingStream:
+        """The traces of the whole road before and after the zone changes. Raises SpecError where it does not change."""
+        section_of(self.scenario)
+        with self.watch.timing("fleet before the change"):
+            before = self.zone.fleet_before()
+        return changing_stream(before, self.zone.whole_fleet(), self.scenario)
+
+    @cached_property
+    def settled(self) -> Settled:
+        """The live map that knows the zone as it was before the change."""
+        live = section_of(self.scenario)
+        with self.watch.timing("live map"):
+            road = known_before(self.scenario)
+            return settled_map(self.stream.before, road, mapped_traces=live.mapped_traces)
+
+    @cached_property
+    def updates(self) -> tuple[Update, ...]:
+        """What the live map tells after the change of the zone, from the map of before it on."""
+        live = section_of(self.scenario)
+        with self.watch.timing("live map after the change"):
+            return updates_of(self.settled.live, self.stream.after, doubtful_share=live.doubtful_share)
 
     def _learn(self, scenario: Scenario) -> Crowd:
         used = reported_traces(self.zone.over_zone, scenario, which="used")

@@ -34,6 +34,7 @@ class SimulatedZone:
     over_zone: pd.DataFrame  # traces over the zone, of the vehicles that passed it (see `traces_over_zone`)
     whole_fleet: Callable[[], pd.DataFrame]  # traces over the whole road, of all vehicles
     sumo_files: Callable[[], AbstractContextManager[SumoFiles]]  # the files of the same simulation, for the ego to drive in
+    fleet_before: Callable[[], pd.DataFrame]  # as whole_fleet, as if the zone had not changed (see `Scenario.live`)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,9 +64,18 @@ def simulate_zone(
         traffic = replace(traffic, summary=_with_emissions(traffic.summary, network.with_zone))
     standing = fleet[fleet["time_s"].between(*facility.standing)]
     zone = SimulatedZone(
-        over_zone=traces_over_zone(standing, layout), whole_fleet=lambda: fleet, sumo_files=lambda: nullcontext(files)
-    )
+        over_zone=traces_over_zone(standing, layout), whole_fleet=lambda: fleet, sumo_files=lambda: nullcontext(files),
+        fleet_before=lambda: fleet_before_the_change(scenario, folder),
+    )  # fmt: skip
     return zone, FleetMeasures(summary=summarise_fleet(standing, layout), traffic=traffic, network=network)
+
+
+def fleet_before_the_change(scenario: Scenario, folder: Path) -> pd.DataFrame:
+    """Traces over the whole road of all vehicles, as if the zone had not changed. SUMO's files go to a folder in `folder`."""
+    of_before = folder / "before"
+    of_before.mkdir()
+    files = scenario.before_the_change().write_sumo_files(of_before)
+    return simulate_fleet(files, on_second=lambda _time: None)
 
 
 def _over_road(trips: pd.DataFrame, fleet: pd.DataFrame, files: SumoFiles, layout: WorkZoneLayout) -> pd.DataFrame:

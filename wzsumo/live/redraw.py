@@ -19,6 +19,8 @@ from wzsumo.live.trace.shape import BUMP_GAPS, EDGE_GAPS
 
 P_CLOSED, P_OPEN = 0.08, 0.9  # that closed ground is open; that ground is which traces drove again
 USED_SHARE = 0.05  # of the passing traces, up to which a lane counts as not driven
+ODD_SHARE = 0.1  # of traces, or one, may seem to drive all along a closed lane: a receiver that is a lane off. Chosen by us
+ODD_REACH_CELLS = 12  # inside a closure, from its end on, in which they are looked for
 CONFIRMED_SHARE, CONFIRMED_SDS = 0.5, 3.0  # of the size that a chart looks for, and deviations, that a fitted shift must have
 ALONE_SHARE = 0.5  # of a stretch on which no other lane is open
 LATEST_STARTS = 12  # of the last traces, before each of which lanes may have moved; beyond, evidence grew slowly anyway
@@ -116,8 +118,16 @@ def _users(traces: Recent, lane: int) -> tuple[FloatArray, FloatArray]:
     return np.asarray(users, dtype=float), np.asarray(passing, dtype=float)
 
 
+def _odd_users(users: FloatArray, passing: FloatArray) -> float:
+    """How many traces seem to drive in a lane all along cells (n,) in which it is closed: receivers that are a lane off."""
+    if not users.size:
+        return 0.0
+    return float(min(users.min(), max(1.0, ODD_SHARE * passing.max())))
+
+
 def _with_closed_lane(ground: Ground, lane: int, cell: int, traces: Recent) -> tuple[LaneMap, Change]:
     users, passing = _users(traces, lane)
+    users = users - _odd_users(users[cell:], passing[cell:])
     unused = (users <= USED_SHARE * passing) | ground.closed[lane]
     m = len(unused)
     first = cell
@@ -182,9 +192,11 @@ def _with_moved_end(ground: Ground, finding: Finding, traces: Recent) -> tuple[L
 def _moved_end(ground: Ground, lane: int, side: int, traces: Recent, *, guess: float) -> float:
     """Station [m] of an end: where the last users leave the lane or the first return, if that is near what the charts say."""
     users, passing = _users(traces, lane)
-    unused = (users <= USED_SHARE * passing) & (passing > 0)
     at = int(np.clip(np.searchsorted(ground.cells, guess), 1, len(ground.cells) - 2))
     step = -1 if side == 0 else 1
+    inside = slice(at, at + ODD_REACH_CELLS) if side == 0 else slice(max(at - ODD_REACH_CELLS, 0), at)
+    users = users - _odd_users(users[inside], passing[inside])
+    unused = (users <= USED_SHARE * passing) & (passing > 0)
     inner = at - step * 4
     cell = int(np.clip(inner, 0, len(unused) - 1))
     while 0 < cell < len(unused) - 1 and unused[cell] and abs(cell - at) < 16:

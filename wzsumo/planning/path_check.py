@@ -7,9 +7,13 @@ import numpy as np
 from numba import njit
 
 from wzsumo.frames import BoolArray, FloatArray
+from wzsumo.grid import OccupancyGrid
 from wzsumo.path import ReferencePath
 from wzsumo.planning.footprint import Body, columns_crossed, pose_is_free, rows_crossed
+from wzsumo.planning.planner_spec import PlannerSpec
+from wzsumo.planning.planning_field import from_corner, terrain_on
 from wzsumo.planning.terrain import Terrain
+from wzsumo.vehicle import VehicleGeometry
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +34,17 @@ def exposure_along(poses: FloatArray, *, max_p_occupied: float, terrain: Terrain
         max_p_occupied=float(p_under.max()),
         risk_m=float(np.sum(steps * (p_under[1:] + p_under[:-1]) / 2)),
     )
+
+
+def free_until(
+    path: ReferencePath, grid: OccupancyGrid, *, start_m: float, vehicle: VehicleGeometry, spec: PlannerSpec
+) -> float:
+    """Station [m] along the path up to which, from `start_m` on, the body touches no blocked cell of the map."""
+    terrain, body = terrain_on(grid, vehicle=vehicle, spec=spec, guide=None)
+    first = min(int(np.searchsorted(path.arc_length, start_m)), len(path.poses) - 2)
+    poses = np.array([from_corner(grid, (float(x), float(y), float(h))) for x, y, h in path.poses[first:]])
+    touching = np.flatnonzero(touching_poses(poses, 0.0, terrain, body))
+    return float(path.arc_length[-1] if not touching.size else path.arc_length[first + max(int(touching[0]) - 1, 0)])
 
 
 def poses_through(points: FloatArray, *, ends: FloatArray) -> FloatArray:

@@ -12,7 +12,6 @@ from typing import Protocol
 
 from wzsumo.errors import SpecError
 from wzsumo.geography import LocalFrame
-from wzsumo.mutcd.layout import lay_out
 from wzsumo.placement.configuration import Configuration
 from wzsumo.placement.net import Net
 from wzsumo.placement.place_on_net import edge_near, known_frame
@@ -21,13 +20,16 @@ from wzsumo.placement.study.study_files import write_study_files
 from wzsumo.placement.study.zone_times import ZoneTimes, zone_times
 from wzsumo.placement.zone_file import Shoulders, ZoneToPlace
 from wzsumo.road import RoadSpec
+from wzsumo.scenario.live_section import ZoneState
 from wzsumo.scenario.network_section import NetworkSection
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, SumoFiles, write_sumo_files
+from wzsumo.units import METRES_PER_FOOT
 from wzsumo.work_zone import WorkZone, WorkZoneLayout
 
 TIMES_OF_DEMAND = ("duration_s", "warm_up_s")  # keys that hold for a network's demand, too
 ALWAYS = (0.0, float("inf"))
+AS_SAID = ZoneState()  # the zone as [work_zone] has it
 
 
 class Facility(Protocol):
@@ -59,12 +61,13 @@ class OwnRoad:
 
     road: RoadSpec
     work_zone: WorkZone
+    state: ZoneState = AS_SAID
     standing: tuple[float, float] = ALWAYS
 
     @property
     def layout(self) -> WorkZoneLayout:
         """The zone on the road."""
-        return lay_out(self.work_zone, self.road.build())
+        return self.state.layout_on(self.road.build(), self.work_zone)
 
     @property
     def frame(self) -> LocalFrame | None:
@@ -73,7 +76,9 @@ class OwnRoad:
 
     def write_sumo_files(self, folder: Path, *, simulation: SimulationSpec, seed: int) -> SumoFiles:
         """Write a network of the road alone, and a demand drawn from the seed."""
-        return write_sumo_files(self.layout, folder, spec=simulation, seed=seed)
+        closed_ft = self.state.road_closed_ft
+        closed_at = None if closed_ft is None else METRES_PER_FOOT * closed_ft
+        return write_sumo_files(self.layout, folder, spec=simulation, seed=seed, closed_at=closed_at)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,8 +16,9 @@ from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.road import Road, RoadSpec
 from wzsumo.scenario.facility import Facility, OwnRoad, check_demand_of_network, network_corridor
 from wzsumo.scenario.library import scenario_file
+from wzsumo.scenario.live_section import LiveSection
 from wzsumo.scenario.network_section import NetworkSection, beside
-from wzsumo.scenario.sections import ControlSection, CrowdSpec, Decides, MapSpec, MapUpdatesSpec, RouteSpec, SlamSpec
+from wzsumo.scenario.sections import ControlSection, CrowdSpec, Decides, MapSpec, RouteSpec, SlamSpec
 from wzsumo.sensing.gnss import GnssSpec
 from wzsumo.simulation.departures import check_departures
 from wzsumo.simulation.drivers import BY_THE_HCM, UNCALIBRATED, hcm_drivers
@@ -48,12 +49,19 @@ class Scenario(Spec):
     mixture: Annotated[MixtureSpec, Decides.REPORTS] = MixtureSpec()
     map: Annotated[MapSpec, Decides.SITE] = MapSpec()
     route: Annotated[RouteSpec, Decides.SITE]
-    map_updates: Annotated[MapUpdatesSpec | None, Decides.DRIVE] = None  # None: the ego drives on one map to the end
+    live: Annotated[LiveSection | None, Decides.SIMULATION] = None  # None: the zone stays as it is
     slam: Annotated[SlamSpec | None, Decides.LIDAR] = None  # where given, `wzsumo run` also makes the LiDAR maps
     vehicle: Annotated[VehicleGeometry, Decides.SITE] = VehicleGeometry()
     planner: Annotated[PlannerSpec, Decides.DRIVE] = PlannerSpec()
     control: Annotated[ControlSection, Decides.DRIVE] = ControlSection()
     plant: Annotated[PlantSpec, Decides.DRIVE] = PlantSpec()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _map_updates_are_live_now(cls, content: Any) -> Any:
+        if isinstance(content, dict) and "map_updates" in content:
+            raise ValueError("map_updates: a section [live] stands in its place; it says how the zone changes, and when")
+        return content
 
     @model_validator(mode="before")
     @classmethod
@@ -86,6 +94,8 @@ class Scenario(Spec):
     def _has_one_place(self) -> Self:
         if (self.road is None) == (self.network is None):
             raise ValueError("road: give either a section [road] or a section [network]")
+        if self.live is not None and self.road is None:
+            raise ValueError("live: a zone that changes needs a section [road]; in a [network] closed_from_s sets one up")
         return self
 
     def facility(self) -> Facility:
@@ -93,7 +103,17 @@ class Scenario(Spec):
         if self.network is not None:
             return network_corridor(self.network, self.work_zone)
         assert self.road is not None  # noqa: S101 the rule above
-        return OwnRoad(road=self.road, work_zone=self.work_zone)
+        if self.live is None:
+            return OwnRoad(road=self.road, work_zone=self.work_zone)
+        standing = (self.live.changed_at_s, float("inf"))
+        return OwnRoad(road=self.road, work_zone=self.work_zone, state=self.live.after, standing=standing)
+
+    def before_the_change(self) -> "Scenario":
+        """The scenario as it would go on without the change of its section [live]."""
+        if self.live is None:
+            return self
+        state = self.live.before
+        return self.model_copy(update={"live": self.live.model_copy(update={"after": state})})
 
     def layout(self) -> WorkZoneLayout:
         """The layout of the zone on its road."""
@@ -216,7 +236,9 @@ def load_scenario(path: Path | str, *, seed: int | None = None) -> Scenario:
 
 
 # The sections that `misfits_of` reads.
-FITTING_SECTIONS = frozenset({"road", "network", "work_zone", "site", "simulation", "route", "vehicle", "crowd", "map"})
+FITTING_SECTIONS = frozenset({
+    "road", "network", "work_zone", "site", "simulation", "route", "vehicle", "crowd", "map", "live",
+})  # fmt: skip
 
 
 def misfits_of(scenario: Scenario) -> list[str]:
@@ -227,6 +249,7 @@ def misfits_of(scenario: Scenario) -> list[str]:
     ) or _messages_of_failed(  # where there is no layout, the other checks cannot be made
         lambda: scenario.mapped_ground(scenario.layout()),
         lambda: _check_demand(scenario),
+        lambda: _check_change(scenario),
     )
     if demand.warm_up_s >= demand.duration_s:
         misfits.append(
@@ -236,6 +259,14 @@ def misfits_of(scenario: Scenario) -> list[str]:
     if crowd.used > crowd.collected:
         misfits.append(f"crowd.used={crowd.used} must be at most crowd.collected={crowd.collected}; collect more or use fewer")
     return misfits
+
+
+def _check_change(scenario: Scenario) -> None:
+    """Raise SpecError where the zone cannot have stood as it did before the change, or the times do not fit."""
+    if scenario.live is not None:
+        scenario.before_the_change().layout()
+        demand = scenario.simulation.demand
+        scenario.live.check_times(warm_up_s=demand.warm_up_s, duration_s=demand.duration_s)
 
 
 def _check_demand(scenario: Scenario) -> None:

@@ -1,10 +1,10 @@
-"""The sections of a scenario that belong to no single stage: crowd, route, map, control, map updates, LiDAR baseline."""
+"""The sections of a scenario that belong to no single stage: crowd, route, map, control, LiDAR baseline."""
 
 import math
 from enum import StrEnum
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 from shapely import Polygon
 
 from wzsumo.behaviour.speed_plan import SpeedPlanSpec
@@ -50,27 +50,6 @@ class MapSpec(Spec):
             f"m around the road, "
             f"of which at most {MAX_PLANNING_CELLS / 1e6:.0f} million can be planned on; give {coarser:g} or more"
         )
-
-
-class MapArrivalSpec(Spec):
-    """One map of the crowd's traces and when it reaches the ego."""
-
-    after_s: float = Field(ge=0)  # since the ego entered the road
-    used: int = Field(ge=1)  # number of traces, from the first, of which the map is made
-
-
-class MapUpdatesSpec(Spec):
-    """The ego's first map and the maps that reach it while it drives. It plans again on each of them."""
-
-    sets_out_with: Literal["crowd", "map_of_before"] = "crowd"  # a map of crowd.used traces, or of the road before the zone
-    arrivals: tuple[MapArrivalSpec, ...] = Field(min_length=1)
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Self:
-        times = [arrival.after_s for arrival in self.arrivals]
-        if times != sorted(set(times)):
-            raise ValueError(f"arrivals with after_s {times} must come one after the other; give them in order")
-        return self
 
 
 class SlamSpec(Spec):

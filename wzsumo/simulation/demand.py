@@ -14,7 +14,7 @@ from pydantic import Field, field_serializer, field_validator, model_validator
 from wzsumo.errors import SpecError
 from wzsumo.frames import FloatArray
 from wzsumo.simulation.drivers import BY_THE_HCM, DRIVER_PRESETS, UNCALIBRATED, DriverSpec
-from wzsumo.simulation.edges import Edge
+from wzsumo.simulation.edges import Edge, edge_at
 from wzsumo.simulation.network import write_xml
 from wzsumo.spec import Spec
 
@@ -93,15 +93,18 @@ LOOK_AHEAD_M = 20000.0
 # vehicle stood for a minute with either, with 0.5 none did.
 COOPERATION = 0.5
 LOOK_AHEAD_S = 10.0  # SUMO looks lcStrategic x speed x 10 s ahead for changes to the right (LC2013, SL2015)
+LEAVE_AHEAD_M = 60.0  # of a closed road: where traffic is led off it; chosen by us
 DRIVERS_PER_CLASS = 60  # vTypes of cars, and of trucks, each with its place in the lane and merging distance; chosen by us
 
 
 def write_demand(
-    edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, speed: float, seed: int, opposing: tuple[Edge, ...] = ()
-) -> Path:
+    edges: tuple[Edge, ...], folder: Path, *, spec: DemandSpec, speed: float, seed: int, opposing: tuple[Edge, ...] = (),
+    closed_at: float | None = None,
+) -> Path:  # fmt: skip
     """Write zone.rou.xml: vehicle types, a route in each direction and every vehicle; returns its path.
 
-    `speed` [m/s] is the posted one; `opposing` are the edges of the other direction.
+    `speed` [m/s] is the posted one; `opposing` are the edges of the other direction. Where the road is closed at a station
+    [m], its vehicles leave it LEAVE_AHEAD_M ahead of that, as by an exit.
     """
     if spec.drivers == BY_THE_HCM:
         raise SpecError(f'drivers="{BY_THE_HCM.name}" is decided by the zone: write the demand of Scenario.zone_simulation()')
@@ -111,9 +114,14 @@ def write_demand(
         for number, ahead in enumerate(merge_ahead[kind]):
             driver = _driver(f"{kind}_{number:02d}", kind, size, spec=spec, speed=speed, merge_ahead=ahead, rng=rng)
             ET.SubElement(root, "vType", driver)
-    ET.SubElement(root, "route", id="through", edges=" ".join(edge.id for edge in edges))
+    last = None if closed_at is None else edge_at(edges, closed_at - LEAVE_AHEAD_M)
+    driven = edges if last is None else edges[: edges.index(last) + 1]
+    ET.SubElement(root, "route", id="through", edges=" ".join(edge.id for edge in driven))
     flows = spec.flow_profile or ((0.0, spec.flow_vph),)
     vehicles = _vehicles(edges, "through", flows=flows, merge_ahead=merge_ahead, spec=spec, rng=rng)
+    if last is not None and closed_at is not None:
+        for vehicle in vehicles:
+            vehicle.set("arrivalPos", f"{closed_at - LEAVE_AHEAD_M - last.start:.2f}")
     if opposing and spec.opposing_flow_vph:
         ET.SubElement(root, "route", id="opposing", edges=" ".join(edge.id for edge in opposing))
         other = np.random.default_rng([seed, 2])

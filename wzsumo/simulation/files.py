@@ -65,13 +65,18 @@ class SumoFiles:
     surroundings: Surroundings | None = None  # None: the network is the road
 
 
-def write_sumo_files(layout: WorkZoneLayout, folder: Path, *, spec: SimulationSpec, seed: int) -> SumoFiles:
-    """Write zone.{net,rou,add,view}.xml, signs/ and zone.sumocfg into `folder`; the configuration carries the seed."""
+def write_sumo_files(
+    layout: WorkZoneLayout, folder: Path, *, spec: SimulationSpec, seed: int, closed_at: float | None = None
+) -> SumoFiles:
+    """Write zone.{net,rou,add,view}.xml, signs/ and zone.sumocfg into `folder`; the configuration carries the seed.
+
+    `closed_at` is the station [m] at which the road is closed: vehicles leave it ahead of that.
+    """
     edges = edges_of(layout)
     net = write_network(layout, folder)
     routes = write_demand(
         edges, folder, spec=spec.demand, speed=mps_from_mph(layout.work_zone.posted_speed_mph), seed=seed,
-        opposing=opposing_edges_of(layout),
+        opposing=opposing_edges_of(layout), closed_at=closed_at,
     )  # fmt: skip
     additional = write_drawing(layout, folder / "zone.add.xml")
     view = write_view(layout, folder / "zone.view.xml")

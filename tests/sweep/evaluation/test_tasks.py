@@ -80,16 +80,6 @@ def test_more_traces_than_the_fleet_gives_are_a_refused_case_and_not_a_failure(s
     assert "crowd.used=500 asks for more traces than the fleet gives" in refused["reason"]
 
 
-def test_case_with_too_few_traces_for_a_map_on_the_way_is_refused_whichever_cases_it_is_evaluated_with(
-    simulated: bytes,
-) -> None:
-    arrivals = {"crowd.used": 2, "crowd.collected": 2, "map_updates.arrivals": [{"after_s": 2.0, "used": 12}]}
-    study = a_study(drive=True, fixed=SHORT | arrivals, seed=[21], crowd__penetration=[1.0, 0.3])
-    together = evaluate_cases(simulated, study.cases)
-    assert [row["status"] for row in together] == ["DONE", "REFUSED"]
-    assert "map_updates.arrivals.used=12" in together[1]["reason"]
-
-
 def test_minutes_to_collect_count_from_the_first_vehicle_to_the_last_equipped_one_that_is_needed(simulated: bytes) -> None:
     left_at_s = read_simulated(simulated)[0].groupby("vehicle_id")["time_s"].max().sort_values()
     (row,) = rows_of(simulated, seed=[21], crowd__used=[4], crowd__penetration=[1.0])  # everybody is equipped

@@ -11,6 +11,8 @@ from wzsumo.live.charts.shape_charts import ShapeCharts, first_shape_charts
 from wzsumo.live.ground import Ground
 from wzsumo.live.trace.lane_use import REACH_M
 
+KNOWN_TO_END = (400.0, 0.0)  # traces that end and go on ahead of a closed road: so many that the prior does not count
+
 
 def stretch_of(ground: Ground, change: Change) -> slice:
     """The cells whose habits a change may have changed: its own, and those within the reach of drivers who mind it."""
@@ -55,7 +57,7 @@ def restarted_passing(charts: PassingCharts, ground: Ground, change: Change, *, 
     """Charts of passing after a change."""
     ending, exiting = charts.ending.copy(), charts.exiting.copy()
     if change.kind is Kind.ROAD_CLOSED:
-        ending[stretch_of(ground, change)] = (20.0, 0.0)  # traces that end there say nothing new
+        ending[stretch_of(ground, change)] = KNOWN_TO_END  # traces that end there say nothing new
     if change.branch is not None:
         exiting[change.branch] = 0
     return replace(

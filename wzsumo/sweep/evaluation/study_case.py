@@ -19,6 +19,7 @@ SECTIONS_OF_SOURCE: dict[Source, tuple[Decides, ...]] = {
     Source.CROWD: (Decides.REPORTS,),
     Source.LIDAR: (Decides.SITE, Decides.LIDAR),
     Source.MAP_BEFORE: (Decides.SITE,),
+    Source.LIVE: (Decides.REPORTS, Decides.COLLECTION),
 }
 
 

@@ -24,7 +24,7 @@ from wzsumo.case.evaluation import evaluate, table_row
 from wzsumo.case.map_method import MadeMap, Source
 from wzsumo.case.sources import Sources
 from wzsumo.case.watch import Watch
-from wzsumo.case.zone import SimulatedZone, simulate_zone
+from wzsumo.case.zone import SimulatedZone, fleet_before_the_change, simulate_zone
 from wzsumo.errors import InputError
 from wzsumo.files.output import parquet_bytes
 from wzsumo.files.work_folder import work_folder
@@ -123,7 +123,7 @@ class _SharedWork:
     def row_of(self, case: StudyCase) -> dict[str, Any]:
         """The measured columns of a case."""
         takes_traces = case.map_method.source is Source.CROWD
-        collected = collection_figures(self._over_zone, case.scenario, drives=case.drive) if takes_traces else {}
+        collected = collection_figures(self._over_zone, case.scenario) if takes_traces else {}
         sources = self._sources_of(case)
         if case.evaluation not in self._rows:
             self._rows[case.evaluation] = self._evaluated(case, sources)
@@ -167,7 +167,11 @@ def _zone_of(scenario: Scenario, *, over_zone: pd.DataFrame) -> SimulatedZone:
         with sumo_files() as files:
             return simulate_fleet(files, on_second=lambda _time: None)
 
-    return SimulatedZone(over_zone=over_zone, whole_fleet=whole_fleet, sumo_files=sumo_files)
+    def fleet_before() -> pd.DataFrame:
+        with _ONE_SIMULATION, work_folder(Path(tempfile.gettempdir())) as folder:
+            return fleet_before_the_change(scenario, folder)
+
+    return SimulatedZone(over_zone=over_zone, whole_fleet=whole_fleet, sumo_files=sumo_files, fleet_before=fleet_before)
 
 
 @contextmanager
