@@ -12,8 +12,8 @@ from wzsumo.live.charts.findings import Family
 from wzsumo.live.charts.shape_charts import _pair
 from wzsumo.live.charts.thresholds import calibrated_thresholds
 from wzsumo.live.ground import ground_of
-from wzsumo.live.trace.decoding import draw_ways, error_levels, error_of, first_levels
-from wzsumo.live.trace.reading import walk_of
+from wzsumo.live.trace.decoding import draw_ways, error_levels, error_of, first_receivers, levels_of, with_errors
+from wzsumo.live.trace.reading import read_trace, walk_of
 from wzsumo.live.trace.shape import _filter, steps_of
 
 
@@ -57,7 +57,7 @@ def test_an_edge_of_a_trace_is_estimated_within_its_own_deviation() -> None:
     for number in range(60):
         own = merges_at(number)
         trace = reading(ground, number, lane=lambda s, own=own: own(s) + (s > 1150) / 3.6)  # type: ignore[misc]  # of a lambda with defaults
-        ways = draw_ways(ground, trace, walk=0.002, levels=first_levels(), seed=number)
+        ways = draw_ways(ground, trace, walk=0.002, receivers=first_receivers(), seed=number)
         steps = steps_of(ground, trace, ways, usual_walk=0.002, usual_scatter=1.0)
         z.append((steps.estimate[0, 45] - 1.0) / np.sqrt(steps.variance[0, 45]))
     assert abs(np.mean(z)) < 0.5
@@ -67,11 +67,11 @@ def test_an_edge_of_a_trace_is_estimated_within_its_own_deviation() -> None:
 def test_ways_of_a_clear_trace_change_lanes_where_it_does() -> None:
     ground = ground_of(two_lane_map())
     trace = reading(ground, 4, lane=lambda s: 1.0 - np.clip((s - 300) / 80, 0, 1))
-    ways = draw_ways(ground, trace, walk=0.002, levels=first_levels(), seed=1)
+    ways = draw_ways(ground, trace, walk=0.002, receivers=first_receivers(), seed=1)
     assert (ways.places[:, 5] == 3).all()
     assert (ways.places[:, 25] == 0).all()
     assert ways.weights.sum() == pytest.approx(1)
-    again = draw_ways(ground, trace, walk=0.002, levels=first_levels(), seed=1)
+    again = draw_ways(ground, trace, walk=0.002, receivers=first_receivers(), seed=1)
     assert (again.places == ways.places).all()
 
 
@@ -93,11 +93,46 @@ def test_an_error_by_a_lane_towards_closed_ground_says_nothing_of_receivers(
     levels = error_levels(np.full(30, off_m), seen, ways, np.full(4, 0.25), 3.6, np.array(closed))
     assert levels.sum() == pytest.approx(weight)
     assert levels == pytest.approx(levels[::-1])
-    assert weight == 0 or error_of(levels) == pytest.approx(abs(off_m), abs=0.25)
+    grid = 0.6 * np.arange(-11, 12)
+    assert weight == 0 or levels @ np.abs(grid) / levels.sum() == pytest.approx(abs(off_m), abs=0.01)
 
 
-def test_first_levels_are_receivers_of_one_and_a_half_metres() -> None:
-    assert error_of(first_levels()) == pytest.approx(np.sqrt((0.4**2 + 1 + 2.2**2) / 3), abs=0.1)
+def test_first_receivers_err_by_one_and_a_half_metres() -> None:
+    assert error_of(first_receivers()) == pytest.approx(np.sqrt((0.4**2 + 1 + 2.2**2) / 3))
+    levels = levels_of(first_receivers(), width=3.6)
+    assert levels.sum() == pytest.approx(1)
+    assert np.sqrt(levels @ np.square(0.6 * np.arange(-11, 12))) == pytest.approx(1.41, abs=0.05)
+
+
+@pytest.mark.parametrize("error_m", [0.4, 1.0, 2.0])
+def test_receivers_errors_are_learned_although_each_may_be_one_of_the_next_lane(error_m: float) -> None:
+    random, receivers = np.random.default_rng(3), first_receivers()
+    for number in range(400):
+        chances = levels_of(receivers, width=3.6)
+        error = random.normal(0.0, error_m)
+        levels = [int(np.clip(round(e / 0.6), -11, 11)) + 11 for e in (error, error + 3.6 * random.choice([-1, 1]))]
+        parts = chances[levels] / chances[levels].sum()  # that of its own lane, and that of the next one
+        seen = np.zeros(23)
+        np.add.at(seen, levels, parts)
+        receivers = with_errors(receivers, (seen + seen[::-1]) / 2, width=3.6, rate=max(0.02, (number + 5) ** -0.6))
+    assert receivers.sum() == pytest.approx(1)
+    assert error_of(receivers) == pytest.approx(error_m, rel=0.3)
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.25, 0.5, 0.75, 1.0, 1.25])
+def test_lane_of_a_trace_is_as_sure_whatever_rest_its_error_leaves_on_the_grid(off_m: float) -> None:
+    ground = ground_of(two_lane_map(closed=False))
+    s = np.arange(10.0, 1500.0, 25.0)
+    trace = read_trace(ground, s, np.full_like(s, 1.8 + off_m), s / 25.0)
+    assert trace is not None
+    shares = [
+        float(np.sum(ways.weights * (ways.places[:, 30] == 0)))
+        for ways in (draw_ways(ground, trace, walk=0.002, receivers=np.array([0.5, 0.5, 0.0]), seed=n) for n in range(10))
+    ]
+    # 0.9 of the receivers err by 0.4 or 1 m, the rest are as at first: odds by the normal densities of off_m and off_m - 3.6.
+    sds, parts = np.array([0.4, 1.0, 2.2]), 0.9 * np.array([0.5, 0.5, 0.0]) + 0.1 / 3
+    own, other = (float(parts @ (np.exp(-0.5 * (d / sds) ** 2) / sds)) for d in (off_m, off_m - 3.6))
+    assert np.mean(shares) == pytest.approx(own / (own + other), abs=0.1)
 
 
 def test_loudest_pair_equals_a_search_over_all_pairs() -> None:

@@ -12,7 +12,6 @@ from wzsumo.lane_map import MappedBranch
 from wzsumo.live.alarms import Alarm, Kind
 from wzsumo.live.live_map import LiveMap, live_map, with_trace
 from wzsumo.live.stream.state_file import state_bytes
-from wzsumo.live.trace.decoding import error_of
 
 Driver = Callable[[int], Callable[[FloatArray], FloatArray]]
 
@@ -88,7 +87,7 @@ def test_a_zone_that_is_gone_before_the_first_trace_is_no_habit_and_no_error_of_
     """The map is of yesterday; today half of 40 vehicles keep the lane that it has closed, from the first trace on."""
     live, alarms = driven(live_map(two_lane_map()), range(40), keeps_lane)
     assert [alarm.change.kind for alarm in alarms] == [Kind.LANE_OPEN]
-    assert error_of(live.levels) < 1.0  # that of the receivers is 0.5 m, and nobody errs by a lane
+    assert live.error_m < 1.0  # that of the receivers is 0.5 m, and nobody errs by a lane
 
 
 def test_a_closed_road_is_named_after_four_vehicles(settled: LiveMap) -> None:

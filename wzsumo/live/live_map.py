@@ -20,7 +20,7 @@ from wzsumo.live.charts.shape_charts import ShapeCharts, add_steps, first_shape_
 from wzsumo.live.charts.thresholds import calibrated_thresholds
 from wzsumo.live.ground import Ground, ground_of
 from wzsumo.live.redraw import LATEST_STARTS, change_point, confirmed, shift_of, with_lane_change, with_shift
-from wzsumo.live.trace.decoding import draw_ways, error_levels, error_of, first_levels
+from wzsumo.live.trace.decoding import draw_ways, error_levels, error_of, first_receivers, with_errors
 from wzsumo.live.trace.lane_use import use_of_lanes
 from wzsumo.live.trace.reading import WANDER_SD_M, Reading
 from wzsumo.live.trace.recent import Recent, RecentTrace, lane_shares, moved, since, with_recent
@@ -28,9 +28,9 @@ from wzsumo.live.trace.shape import LEAST_WALK, OWN_WALK, steps_of
 
 SLOW_FACTOR = 3.0  # times the usual time a metre: a vehicle of the work, or one in a jam
 RATE = 0.02  # of running means over traces
+EM_EXPONENT = -0.6  # of the steps of online EM: Cappé & Moulines 2009, who find 0.6 best of 0.5 to 1
 FIRST_WALK = 0.005  # [m^2] a cell, of a receiver of 1 m whose error wanders within a minute
 MOST_WALK = 20.0  # usual changes of an error: of a trace's own, before its lanes are known
-BASE_LEVELS = 0.1  # share of the first chances of errors that is kept
 DRAWN_MARGIN = 10  # cells beside a stretch that is being drawn: its edges may lie off by a ramp
 REFINED_AT = (5, 10, 20, 40)  # traces since a change, at which its stretch is drawn once more
 
@@ -60,8 +60,13 @@ class LiveMap:
     redrawing: Redrawing | None
     usual_s_per_m: float
     usual_walk: float  # [m^2] variance of the receivers' errors' change from cell to cell
-    levels: FloatArray  # chances of a receiver's error at the first cell
+    receivers: FloatArray  # shares of them by their error, see `decoding.with_errors`
     now_s: float
+
+    @property
+    def error_m(self) -> float:
+        """Root mean square [m] of the receivers' errors as they are known."""
+        return error_of(self.receivers)
 
     def lanes_now(self, *, half_life_s: float = HALF_LIFE_S) -> LaneMap:
         """The lanes as they are known when the last trace came, older ground less surely."""
@@ -84,7 +89,7 @@ def live_map(lanes: LaneMap) -> LiveMap:
     return LiveMap(
         ground=ground, number=0, version=1, shape=first_shape_charts(ground), lanes=first_lane_charts(ground),
         passing=first_passing_charts(ground), witnesses=first_witnesses(ground), recent=(), redrawing=None,
-        usual_s_per_m=float("nan"), usual_walk=FIRST_WALK, levels=first_levels(), now_s=lanes.last_time_s,
+        usual_s_per_m=float("nan"), usual_walk=FIRST_WALK, receivers=first_receivers(), now_s=lanes.last_time_s,
     )  # fmt: skip
 
 
@@ -105,7 +110,7 @@ def findings(live: LiveMap) -> dict[Family, Finding]:
 
 def over_threshold(live: LiveMap) -> list[Finding]:
     """The findings that are beyond their thresholds, the farthest first."""
-    thresholds, error = calibrated_thresholds(), error_of(live.levels)
+    thresholds, error = calibrated_thresholds(), live.error_m
     found = findings(live)
     beyond = {family: finding.evidence - thresholds.at(family, error) for family, finding in found.items()}
     return [found[family] for family in sorted(beyond, key=lambda family: -beyond[family]) if beyond[family] > 0]
@@ -123,10 +128,9 @@ def with_evidence(live: LiveMap, reading: Reading) -> LiveMap:
         raise TraceError(f"a reading on {len(reading.offset)} cells does not belong to a map of {len(ground.cells)}")
     own = live.usual_walk if np.isnan(reading.walk) else min(reading.walk, MOST_WALK * live.usual_walk)
     walk = max(OWN_WALK * own + (1 - OWN_WALK) * live.usual_walk, LEAST_WALK)
-    chances = (1 - BASE_LEVELS) * live.levels + BASE_LEVELS * first_levels()
-    ways = draw_ways(ground, reading, walk=walk, levels=chances, seed=number)
+    ways = draw_ways(ground, reading, walk=walk, receivers=live.receivers, seed=number)
     steps = steps_of(ground, reading, ways, usual_walk=live.usual_walk, usual_scatter=live.shape.usual_scatter)
-    levels = error_levels(reading.offset, reading.seen, ways.places, ways.weights, ground.width, ground.closed.any(axis=1))
+    errors = error_levels(reading.offset, reading.seen, ways.places, ways.weights, ground.width, ground.closed.any(axis=1))
     in_lane = lane_shares(ways.places, ways.weights, ground.n_lanes)
     rate = max(RATE, 1 / (number + 4))
     pace = reading.seconds_per_m
@@ -148,7 +152,7 @@ def with_evidence(live: LiveMap, reading: Reading) -> LiveMap:
         recent=with_recent(live.recent, trace),
         usual_s_per_m=usual + rate * (min(pace, 2 * usual) - usual),
         usual_walk=max(live.usual_walk + rate * change, LEAST_WALK),
-        levels=(1 - rate * levels.sum()) * live.levels + rate * levels,
+        receivers=with_errors(live.receivers, errors, width=ground.width, rate=max(RATE, (number + 4) ** EM_EXPONENT)),
         now_s=max(live.now_s, reading.end_s),
     )
 
@@ -163,7 +167,7 @@ def _is_being_redrawn(live: LiveMap, finding: Finding) -> bool:
 
 
 def _alarmed(live: LiveMap, finding: Finding, reading: Reading) -> Step:
-    thresholds, error = calibrated_thresholds(), error_of(live.levels)
+    thresholds, error = calibrated_thresholds(), live.error_m
     traces = since(live.recent, finding.since) or live.recent[-1:]
     if finding.family in (Family.STEP, Family.MOVED) and len(traces) <= LATEST_STARTS:
         finding = replace(finding, since=change_point(live.ground, finding, traces))

@@ -16,7 +16,6 @@ from wzsumo.live.charts.findings import Family
 from wzsumo.live.charts.thresholds import calibrated_thresholds
 from wzsumo.live.live_map import LiveMap
 from wzsumo.live.stream.log_folder import ALARMS, FOLDER, VERSIONS, read_evidence
-from wzsumo.live.trace.decoding import error_of
 from wzsumo.report.page import page_template
 
 PAGE = "live.html"
@@ -46,7 +45,7 @@ def write_live_page(folder: Path, live: LiveMap) -> None:
         )  # fmt: skip
     html = page_template("live.html.j2").render(
         number=live.number, alarms=[_row(alarm, utc=now.utc) for alarm in alarms], versions=versions, figures=figures,
-        error_m=error_of(live.levels), one_in=1 / (len(Family) * calibrated_thresholds().rate_per_trace),
+        error_m=live.error_m, one_in=1 / (len(Family) * calibrated_thresholds().rate_per_trace),
     )  # fmt: skip
     write_whole(folder / PAGE, html.encode())
 

@@ -14,7 +14,6 @@ from wzsumo.live.charts.thresholds import calibrated_thresholds
 from wzsumo.live.live_map import LiveMap, with_trace
 from wzsumo.live.stream.arrivals import Arrival, Reading, followed, replayed, streamed
 from wzsumo.live.stream.log_folder import LiveFolder, Position
-from wzsumo.live.trace.decoding import error_of
 from wzsumo.live.trace.reading import read_trace
 
 COMMIT_EVERY = 200  # traces
@@ -71,7 +70,7 @@ def follow_stream(folder: LiveFolder, lines: TextIO, reading: Reading, *, half_l
 
 def evidence_by_cell(live: LiveMap) -> FloatArray:
     """Evidence (m,) at each cell as a share of its threshold."""
-    thresholds, error = calibrated_thresholds(), error_of(live.levels)
+    thresholds, error = calibrated_thresholds(), live.error_m
     shape = live.shape.evidence.max(axis=(0, 1, 2)) / thresholds.at(Family.STEP, error)
     closing = live.lanes.closing.max(axis=0) / thresholds.at(Family.CLOSING, error)
     ended = live.passing.ended / thresholds.at(Family.ROAD_CLOSED, error)

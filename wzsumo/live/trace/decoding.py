@@ -18,7 +18,9 @@ from wzsumo.live.ground import Ground
 from wzsumo.live.trace.reading import WANDER_SD_M, Reading
 
 WAYS = 16  # drawn a trace
-STEP_M, HALF_LEVELS = 0.5, 13  # of the grid of errors: 6.5 m to each side
+# The grid of errors: 6.6 m to each side on lanes of 3.6 m. Its step divides a lane's width and a third of it, the places
+# between lanes, so that an error and another place with another error leave the same rest; else the rest decides for a lane.
+STEPS_PER_LANE, HALF_LEVELS = 6, 11
 LANE_CHANGES_PER_M = 1 / 1500  # to each side; near work vehicles change more often than elsewhere
 STAYS, QUICK, CALLED_OFF = 0.35, 0.3, 0.05  # between lanes: chance of another cell there; change within a cell; called off
 WILD_SHARE, WILD_WIDTH_M = 0.02, 15.0
@@ -27,6 +29,7 @@ IN_CLOSED = 0.01  # chance of entering ground that the map holds to be closed, b
 IN_CLOSED_DRAWN = 0.15  # that with which ways are drawn: they are then weighed, so that rare ways are seen too
 WANDER_LENGTH_M = 60.0
 ERROR_SDS_M = (0.4, 1.0, 2.2)  # of receivers, before anything is known: equal shares
+KEPT_SHARE = 0.1  # of those, whatever is learned
 
 Places = npt.NDArray[np.int16]
 
@@ -42,12 +45,13 @@ class Ways:
     weights: FloatArray
 
 
-def draw_ways(ground: Ground, reading: Reading, *, walk: float, levels: FloatArray, seed: int) -> Ways:
+def draw_ways(ground: Ground, reading: Reading, *, walk: float, receivers: FloatArray, seed: int) -> Ways:
     """Ways that the fixes leave possible.
 
-    `walk` [m^2] is the variance of the error's change from cell to cell, `levels` (LEVELS,) the chances of the error at the
-    first one. The same seed draws the same ways.
+    `walk` [m^2] is the variance of the error's change from cell to cell, `receivers` (SDS,) the shares of receivers by
+    their error. The same seed draws the same ways.
     """
+    levels = levels_of((1 - KEPT_SHARE) * receivers + KEPT_SHARE * first_receivers(), width=ground.width)
     eta = min(1.0, ground.spacing / WANDER_LENGTH_M)
     places, weights = _draw(
         reading.offset, reading.seen, ground.closed, ground.width, reading.white, walk, eta,
@@ -57,17 +61,38 @@ def draw_ways(ground: Ground, reading: Reading, *, walk: float, levels: FloatArr
     return Ways(places=places, weights=weights)
 
 
+def first_receivers() -> FloatArray:
+    """Shares (SDS,) of receivers by their error, before any is known."""
+    return np.full(len(ERROR_SDS_M), 1 / len(ERROR_SDS_M))
+
+
+def levels_of(receivers: FloatArray, *, width: float) -> FloatArray:
+    """Chances (LEVELS,) of errors on the grid of lanes of a width [m], of shares (SDS,) of receivers by their error."""
+    return np.asarray(receivers @ _levels_of_sds(round(width, 3)))
+
+
+def error_of(receivers: FloatArray) -> float:
+    """Root mean square [m] of the errors of shares (SDS,) of receivers."""
+    return float(np.sqrt(receivers @ np.square(ERROR_SDS_M)))
+
+
+def with_errors(receivers: FloatArray, seen: FloatArray, *, width: float, rate: float) -> FloatArray:
+    """Shares (SDS,) of receivers by their error after a trace whose errors have weights `seen` (LEVELS,).
+
+    Errors are a mixture of normal ones with the standard deviations ERROR_SDS_M; a step of online EM moves its shares. An
+    error of a lane's width that is none cannot last: receivers that err so must also err by half a lane, which is not seen.
+    """
+    parts = receivers[:, None] * _levels_of_sds(round(width, 3))
+    wanted = (parts / parts.sum(axis=0) * seen).sum(axis=1)
+    return np.asarray((1 - rate * seen.sum()) * receivers + rate * wanted)
+
+
 @lru_cache
-def first_levels() -> FloatArray:
-    """Chances (LEVELS,) of a receiver's error, before any receiver is known."""
-    levels = STEP_M * np.arange(-HALF_LEVELS, HALF_LEVELS + 1)
-    parts = [np.exp(-0.5 * (levels / sd) ** 2) / np.exp(-0.5 * (levels / sd) ** 2).sum() for sd in ERROR_SDS_M]
-    return np.asarray(np.mean(parts, axis=0))
-
-
-def error_of(levels: FloatArray) -> float:
-    """Root mean square [m] of errors with chances (LEVELS,)."""
-    return float(np.sqrt(np.sum(levels * (STEP_M * np.arange(-HALF_LEVELS, HALF_LEVELS + 1)) ** 2) / levels.sum()))
+def _levels_of_sds(width: float) -> FloatArray:
+    """Chances (SDS, LEVELS) of errors with each of ERROR_SDS_M."""
+    levels = width / STEPS_PER_LANE * np.arange(-HALF_LEVELS, HALF_LEVELS + 1)
+    parts = np.exp(-0.5 * (levels / np.array(ERROR_SDS_M)[:, None]) ** 2)
+    return np.asarray(parts / parts.sum(axis=1, keepdims=True))
 
 
 @numba.njit(cache=True, nogil=True)
@@ -98,7 +123,7 @@ def error_levels(
         part = 0.5 * weights[i]
         if abs(total / n) >= width / 2:
             part *= 0.0 if towards else (2.0 if away else 1.0)
-        level = min(int(abs(total / n) / STEP_M + 0.5), HALF_LEVELS)
+        level = min(int(abs(total / n) / width * STEPS_PER_LANE + 0.5), HALF_LEVELS)
         share[HALF_LEVELS - level] += part
         share[HALF_LEVELS + level] += part
     return share
@@ -164,8 +189,9 @@ def _draw(  # noqa: C901 - one pass forward, one backward
     n_states, n_levels, m = source.shape[0], len(start), len(y)
     place = np.array([_thirds(z, n_lanes) for z in range(n_states)])
     half = (n_levels - 1) // 2
-    step = min(0.25, walk / (2 * STEP_M * STEP_M))  # chance to move a level to each side
-    r = white * white + WANDER_SD_M**2 + STEP_M**2 / 12
+    apart = width / STEPS_PER_LANE
+    step = min(0.25, walk / (2 * apart * apart))  # chance to move a level to each side
+    r = white * white + WANDER_SD_M**2 + apart**2 / 12
     # The tempered density of a fix on a fine table of distances.
     table = np.empty(600)
     for i in range(600):
@@ -205,7 +231,7 @@ def _draw(  # noqa: C901 - one pass forward, one backward
             at = place[z] * width / 3
             for b in range(n_levels):
                 if seen[t]:
-                    gap = abs(y[t] - at - STEP_M * (b - half))
+                    gap = abs(y[t] - at - apart * (b - half))
                     now[z, b] *= table[min(int(gap * 20 + 0.5), 599)]
                 row[t - first, z] += now[z, b]
             total += row[t - first, z]
