@@ -21,14 +21,14 @@ class ZoneState(Spec):
     """The zone as it stands for a time. Keys of [work_zone] that are left out are as they are there."""
 
     stands: bool = True  # false: all lanes are open
-    start_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)
-    work_length_ft: float | None = Field(None, gt=0, le=MAX_ROAD_FT)
-    closed_lanes: tuple[int, ...] | None = None
-    closed_shoulder: Side | None = None
-    shift_ft: float | None = Field(None, ge=0, le=100)
-    shifted_lane_width_ft: float | None = Field(None, ge=10, le=16)
+    start_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)  # as in work_zone; None: the value there
+    work_length_ft: float | None = Field(None, gt=0, le=MAX_ROAD_FT)  # as in work_zone; None: the value there
+    closed_lanes: tuple[int, ...] | None = None  # as in work_zone; None: those there
+    closed_shoulder: Side | None = None  # as in work_zone; None: the one there
+    shift_ft: float | None = Field(None, ge=0, le=100)  # as in work_zone; None: the value there
+    shifted_lane_width_ft: float | None = Field(None, ge=10, le=16)  # as in work_zone; None: the value there
     pushed_from_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)  # station from which devices stand in the lane beside
-    pushed_to_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)
+    pushed_to_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)  # station to which they do
     pushed_by_ft: float = Field(3.0, gt=0, le=4)  # a lane of 12 ft is then still passable for a car
     road_closed_ft: float | None = Field(None, gt=0, le=MAX_ROAD_FT)  # station of devices across all lanes
 
@@ -69,8 +69,8 @@ class LiveSection(Spec):
 
     changed_at_s: float = Field(gt=0)  # of the simulation
     ego_after_s: float = Field(ge=0)  # from then until the ego asks to enter the road
-    before: ZoneState = ZoneState(stands=False)
-    after: ZoneState = ZoneState()
+    before: ZoneState = ZoneState(stands=False)  # the zone until then; all lanes are open
+    after: ZoneState = ZoneState()  # the zone from then on; as work_zone has it
     mapped_traces: int = Field(40, ge=5, le=1000)  # of the first map, after which the others settle it; chosen by us
     doubtful_share: float = Field(0.5, gt=0, le=1)  # of an alarm's evidence, from which on a place is doubtful; chosen by us
     doubtful_speed_share: float = Field(0.7, gt=0, le=1)  # of the target speed, at doubtful places; chosen by us
