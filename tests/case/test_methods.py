@@ -69,7 +69,10 @@ def test_second_method_of_one_name_is_refused_and_the_first_kept(toy: TracesMeth
 
 
 def test_name_of_no_method_is_refused_with_the_known_names() -> None:
-    with pytest.raises(SpecError, match=r"method lane: unknown; known methods: paper_literal, paper, swept, lanes, slam_raw"):
+    with pytest.raises(
+        SpecError,
+        match=r"method lane: unknown .did you mean lanes.*; known methods: paper_literal, paper, swept, lanes, slam_raw",
+    ):
         method_named("lane")
 
 
