@@ -51,6 +51,19 @@ def test_dry_run_counts_cases_and_simulations_and_writes_nothing(
     assert json.loads(text)["n_missing"] == 0
 
 
+def test_cases_that_ask_for_more_traces_than_will_pass_are_foreseen(
+    study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of 1,500 veh/h for 900 s some 350 vehicles pass, of which 5 % are 17 and 50 % are 175."""
+    text = study_file.read_text().replace("crowd.used = [2, 5]", "crowd.used = [5, 100]\ncrowd.penetration = [0.05, 0.5]")
+    study_file.write_text(text)
+    _, out, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out", "--dry-run")
+    assert err.startswith("6 of 24 cases ask for more traces (crowd.used) than equipped vehicles")
+    assert out.startswith("24 cases, 24 of them missing, in 3 simulations: some ")
+    _, _, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out", "--dry-run", "--quiet")
+    assert err == ""
+
+
 def test_estimate_counts_a_simulation_once_and_a_map_once_for_all_penetration_rates() -> None:
     def seconds(**grid: Any) -> float:
         return estimate(a_study(**grid), finished=()).processor_s

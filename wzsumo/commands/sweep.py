@@ -13,13 +13,15 @@ from typing import Any
 from tqdm import tqdm
 
 from wzsumo.commands.terminal.arguments import add_out_folder, count
+from wzsumo.commands.terminal.progress import say
 from wzsumo.commands.terminal.words import lines_of
 from wzsumo.errors import SpecError
+from wzsumo.scenario.outlook import vehicles_expected_to_pass
 from wzsumo.sweep.cluster import ClusterWorkers
 from wzsumo.sweep.estimate import estimate
 from wzsumo.sweep.results import RESULTS, read_results
 from wzsumo.sweep.store import MANIFEST
-from wzsumo.sweep.study_file import load_study
+from wzsumo.sweep.study_file import Study, load_study
 from wzsumo.sweep.sweep import AddFinished, run_sweep
 from wzsumo.sweep.version import code_version
 from wzsumo.sweep.workers import LocalWorkers
@@ -47,6 +49,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     if (args.study / MANIFEST).is_file():
         raise SpecError(f"{args.study}: holds the results of a study; give the study's file, and this folder as --out")
     study = load_study(args.study)
+    _say_lacks(args, study)
     cores = args.workers or len(os.sched_getaffinity(0))
     if args.dry_run:
         finished = set(read_results(args.out)["case"]) if (args.out / RESULTS).is_file() else set()
@@ -60,6 +63,19 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     for reason, n_cases in summary.failures.items():
         print_message(f"{n_cases} case(s) failed twice: {reason}")
     return asdict(summary) | {"results": str(summary.results), "failures": dict(summary.failures)}
+
+
+def _say_lacks(args: argparse.Namespace, study: Study) -> None:
+    """Say how many cases ask for more traces than can be expected."""
+    n_lacking = 0
+    for cases in study.simulations.values():
+        passing = vehicles_expected_to_pass(cases[0].scenario)
+        n_lacking += sum(case.scenario.crowd.used > case.scenario.crowd.penetration * passing for case in cases)
+    if n_lacking:
+        asking = (
+            f"{n_lacking} of {len(study.cases)} cases ask for more traces (crowd.used) than equipped vehicles can be expected"
+        )
+        say(args, f"{asking} to pass; they will be refused: raise crowd.penetration or simulation.demand.duration_s")
 
 
 def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:

@@ -34,10 +34,8 @@ def deciding_values(scenario: Scenario) -> list[str]:
 
 def foreseen_lacks(scenario: Scenario) -> list[str]:
     """What the scenario asks for and probably cannot have. The vehicles of a network's own routes are not foreseen."""
-    road, crowd = scenario.road, scenario.crowd
-    if road is None:
-        return []
-    expected = crowd.penetration * _vehicles_that_pass(scenario)
+    crowd = scenario.crowd
+    expected = crowd.penetration * vehicles_expected_to_pass(scenario)
     asked = {key: getattr(crowd, key) for key in ("collected", "used")}
     return [
         f"crowd.{key}={count}: some {expected:.0f} equipped vehicles can be expected to pass; the run takes what there is "
@@ -47,8 +45,10 @@ def foreseen_lacks(scenario: Scenario) -> list[str]:
     ]
 
 
-def _vehicles_that_pass(scenario: Scenario) -> float:
-    """Vehicles that enter early enough to pass the zone at the posted speed before the simulation ends."""
+def vehicles_expected_to_pass(scenario: Scenario) -> float:
+    """Vehicles that enter early enough to pass the zone at the posted speed before the simulation ends; inf in a network."""
+    if scenario.road is None:
+        return float("inf")
     demand, layout = scenario.simulation.demand, scenario.layout()
     last = demand.duration_s - layout.end / mps_from_mph(scenario.work_zone.posted_speed_mph)
     return sum(flow * max(min(until, last) - since, 0.0) for since, until, flow in _flows(demand)) / 3600
