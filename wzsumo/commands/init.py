@@ -49,14 +49,19 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     out = _free(args.out or Path(f"{args.zone}.toml"))
     is_study = source in library_files(STUDIES).values()
     files = _files_of_study(source, out) if is_study else _files_of_scenario(source, out)
+    _write_new(files)
+    kind = "study" if is_study else "scenario"
+    return {"file": str(out), kind: args.zone, "beside": [str(path) for path in files if path != out]}
+
+
+def _write_new(files: dict[Path, bytes]) -> None:
+    """Write files, none of which may be there, but for a schema, which is kept. Raises OutputError before any is written."""
     for path in files:
         if path.name not in SCHEMAS:
             _free(path)
     for path, content in files.items():
         if not path.exists():
             write_whole(path, content)
-    kind = "study" if is_study else "scenario"
-    return {"file": str(out), kind: args.zone, "beside": [str(path) for path in files if path != out]}
 
 
 def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
@@ -113,7 +118,9 @@ def _from_feed(name: str, out: Path | None) -> dict[str, Any]:
     lines = [f"# Work zone on {road}, {event.direction}: event {event.id} of a WZDx feed."]
     for title_of, words in (("The feed says:", said), ("It leaves open, and this was assumed:", assumed)):
         lines += [f"# {title_of}", *(f"#   {word}" for word in words)]
-    write_whole(target, ("\n".join(lines) + "\n" + tomli_w.dumps(content)).encode())
+    lines.append(f"#:schema ./{SCHEMAS[0]}")
+    text = "\n".join(lines) + "\n" + tomli_w.dumps(content)
+    _write_new({target: text.encode(), target.parent / SCHEMAS[0]: _schema_text(Scenario)})
     return {"file": str(target), "event": event.id, "said": said, "assumed": assumed}
 
 
