@@ -73,6 +73,21 @@ def test_a_lane_that_is_closed_is_named_and_drawn_closed() -> None:
     assert (live.ground.lanes.lanes[0].p_open_middle > 0.9).all()
 
 
+def test_a_lane_that_all_leave_long_before_it_closes_is_named() -> None:
+    """Drivers who read the sign merge 450 to 950 m ahead: nobody is in the lane 400 m ahead of where it ends."""
+
+    def early(number: int) -> Callable[[FloatArray], FloatArray]:
+        at = 1300.0 - 450.0 - 500.0 * np.random.default_rng([3, number]).random()
+        return np.zeros_like if number % 2 else lambda station: 1.0 - np.clip((station - at) / 80.0, 0.0, 1.0)
+
+    live, alarms = driven(live_map(two_lane_map(closed=False)), range(100), keeps_lane)
+    assert alarms == []
+    live, alarms = driven(live, range(100, 150), early)
+    assert alarms[0].change.kind is Kind.LANE_CLOSED
+    assert alarms[0].change.lane == 1
+    assert (live.ground.lanes.lanes[1].p_open_middle[-10:] < 0.2).all()
+
+
 def test_a_lane_that_is_driven_again_is_named_and_drawn_open(settled: LiveMap) -> None:
     live, alarms = driven(settled, range(120, 140), keeps_lane)
     assert alarms[0].change.kind is Kind.LANE_OPEN

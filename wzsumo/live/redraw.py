@@ -86,7 +86,7 @@ def with_lane_change(ground: Ground, finding: Finding, traces: Recent) -> tuple[
     """The map with what a finding about lanes, exits or the road says, and the change in numbers."""
     lanes = ground.lanes
     if finding.family is Family.CLOSING:
-        return _with_closed_lane(ground, finding.at[0], finding.at[1], traces)
+        return _with_closed_lane(ground, finding.at[1], finding.at[2], traces)
     if finding.family is Family.OPENING:
         return _with_open_lane(ground, finding.at[0], traces)
     if finding.family is Family.END_MOVED:

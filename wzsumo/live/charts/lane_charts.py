@@ -36,8 +36,9 @@ Counts = npt.NDArray[np.int32]
 class LaneCharts:
     """Evidence [nats] and the trace behind which it began to grow; habits, and what waits to become habit.
 
-    `closing` (L, m); `ends` (2, L, moves): of the starts and of the ends of closures; `opening` (L, take-ups). `leaving` (2
-    kinds of vehicles, L, m, 2) counts those that left and stayed, `places` (2, L, places) where, `using` (2, L, 2) those
+    `closing` (REACHES, L, m); `ends` (2, L, moves): of the starts and of the ends of closures; `opening` (L, take-ups).
+    `leaving` (REACHES, 2 kinds of vehicles, L, m, 2) counts those that left and stayed, `places` (2, L, places) where, `using`
+    (2, L, 2) those
     on closed ground and not. `ratios` (2, L, moves, 2) are sums of moved ends' likelihood
     ratios, and how many.
     """
@@ -62,11 +63,12 @@ def first_lane_charts(ground: Ground) -> LaneCharts:
     """Charts of a map that no trace has been compared with yet."""
     n, m = ground.n_lanes, len(ground.cells)
     places = np.zeros((2, n, windows_of(ground).places))
-    leaving, using = np.zeros((2, n, m, 2)), np.zeros((2, n, 2))
+    reaches = len(windows_of(ground).reaches)
+    leaving, using = np.zeros((reaches, 2, n, m, 2)), np.zeros((2, n, 2))
     ends, opening = np.zeros((2, n, len(MOVES_M))), np.zeros((n, len(TAKE_UPS)))
     ratios = np.zeros((2, n, len(MOVES_M), 2))
     return LaneCharts(
-        closing=np.zeros((n, m)), closing_since=np.zeros((n, m), dtype=np.int32), leaving=leaving,
+        closing=np.zeros((reaches, n, m)), closing_since=np.zeros((reaches, n, m), dtype=np.int32), leaving=leaving,
         leaving_pending=np.zeros_like(leaving), ends=ends, ends_since=np.zeros(ends.shape, dtype=np.int32), places=places,
         places_pending=np.zeros_like(places), ratios=ratios, ratios_pending=np.zeros_like(ratios), opening=opening,
         opening_since=np.zeros(opening.shape, dtype=np.int32),
@@ -77,12 +79,11 @@ def first_lane_charts(ground: Ground) -> LaneCharts:
 def add_use(charts: LaneCharts, use: LaneUse, ground: Ground, *, kind: int, slow: bool, number: int) -> LaneCharts:
     """The charts after trace `number`, of a `kind` of vehicle; a slow one says nothing about closed ground."""
     new = LaneCharts(**{name: value.copy() for name, value in vars(charts).items()})
-    _add_closing(
-        use.left, use.stayed, use.came, ground.closed, _leaving_prior(ground), kind,
-        new.closing, new.closing_since, new.leaving,
-        new.leaving_pending,
-        number,
-    )  # fmt: skip
+    for reach, prior in enumerate(_leaving_priors(ground)):
+        _add_closing(
+            use.left[reach], use.stayed[reach], use.came[reach], ground.closed, prior, kind, new.closing[reach],
+            new.closing_since[reach], new.leaving[reach], new.leaving_pending[reach], number,
+        )  # fmt: skip
     moves = np.round(np.array(MOVES_M) / ground.spacing).astype(np.int64)
     priors = _place_priors(windows_of(ground))
     for side, seen in enumerate((use.leaves, use.enters)):
@@ -104,16 +105,19 @@ def add_use(charts: LaneCharts, use: LaneUse, ground: Ground, *, kind: int, slow
 
 
 @lru_cache(maxsize=64)
-def _leaving_prior(ground: Ground) -> FloatArray:
-    """Shares (L, m) of a lane's users that leave it over the reach ahead of a cell: all ahead of a closure, evenly."""
-    reach = windows_of(ground).reach
+def _leaving_priors(ground: Ground) -> FloatArray:
+    """Shares (REACHES, L, m) of a lane's users that leave it over a reach ahead of a cell: all ahead of a closure, evenly."""
     cells = np.arange(len(ground.cells))
-    prior = np.full(ground.closed.shape, LEAVING_PRIOR[1])
-    for lane, (start, _) in enumerate(ground.closures):
-        if start >= 0:
-            must = np.clip((cells - (start - reach)) / reach, 0.0, 0.97) * (cells < start)
-            prior[lane] = np.maximum(prior[lane], must)
-    return prior
+    priors = []
+    for reach in windows_of(ground).reaches:
+        usual = 1 - (1 - LEAVING_PRIOR[1]) ** (reach / windows_of(ground).reach)
+        prior = np.full(ground.closed.shape, usual)
+        for lane, (start, _) in enumerate(ground.closures):
+            if start >= 0:
+                must = np.clip((cells - (start - reach)) / reach, 0.0, 0.97) * (cells < start)
+                prior[lane] = np.maximum(prior[lane], must)
+        priors.append(prior)
+    return np.array(priors)
 
 
 @lru_cache(maxsize=64)
@@ -133,6 +137,7 @@ def _add_closing(
     evidence: FloatArray,
     since: Counts, habit: FloatArray, pending: FloatArray, number: int,
 ) -> None:  # fmt: skip
+    """One reach ahead of a cell."""
     n_lanes, m = evidence.shape
     for k in range(n_lanes):
         for t in range(m):

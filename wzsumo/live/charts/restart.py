@@ -44,7 +44,7 @@ def restarted_lanes(charts: LaneCharts, ground: Ground, change: Change, *, numbe
         elif name.endswith("_since"):
             value[:] = number
     if change.kind in (Kind.LANE_CLOSED, Kind.LANE_OPEN, Kind.CLOSURE_START_MOVED, Kind.CLOSURE_END_MOVED):
-        new["leaving"][:, :, stretch_of(ground, change)] = 0
+        new["leaving"][:, :, :, stretch_of(ground, change)] = 0
         sides = {Kind.CLOSURE_START_MOVED: [0], Kind.CLOSURE_END_MOVED: [1]}.get(change.kind, [0, 1])
         for side in sides:
             new["places"][side, change.lane] = 0

@@ -72,7 +72,7 @@ def evidence_by_cell(live: LiveMap) -> FloatArray:
     """Evidence (m,) at each cell as a share of its threshold."""
     thresholds, error = calibrated_thresholds(), live.error_m
     shape = live.shape.evidence.max(axis=(0, 1, 2)) / thresholds.at(Family.STEP, error)
-    closing = live.lanes.closing.max(axis=0) / thresholds.at(Family.CLOSING, error)
+    closing = live.lanes.closing.max(axis=(0, 1)) / thresholds.at(Family.CLOSING, error)
     ended = live.passing.ended / thresholds.at(Family.ROAD_CLOSED, error)
     row = np.maximum(np.maximum(shape, closing), ended)
     for lane, (start, end) in enumerate(live.ground.closures):

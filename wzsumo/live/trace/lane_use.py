@@ -10,6 +10,10 @@ from wzsumo.live.ground import Ground
 from wzsumo.live.trace.decoding import Places, Ways
 
 REACH_M = 400.0  # in which drivers leave a lane ahead of a closure, or return behind it
+REACHES_M = (
+    REACH_M,
+    1000.0,
+)  # ahead of a cell, over which it is asked who left the lane: some merge as soon as they read a sign
 APPROACH_M = 1000.0  # ahead of a closure or behind it, from where on its lane's users count
 MOVED_M = 350.0  # into the closed ground, up to which an end may be moved
 MIN_USE_M = 100.0  # driven in closed ground, from where on a vehicle uses it
@@ -17,9 +21,12 @@ MIN_USE_M = 100.0  # driven in closed ground, from where on a vehicle uses it
 
 @dataclass(frozen=True, kw_only=True)
 class Windows:
-    """Cells: `reach` long the stretch in which lanes are left; `approach` and `inside` how far ends are followed."""
+    """Cells: `reach` long the stretch in which lanes are left; `reaches` over which it is asked who left; `approach` and
+    `inside` how far ends are followed.
+    """
 
     reach: int
+    reaches: tuple[int, ...]
     approach: int
     inside: int
     min_use: int
@@ -33,12 +40,13 @@ class Windows:
 def windows_of(ground: Ground) -> Windows:
     """The windows in cells of a ground."""
     cells = [max(1, round(length / ground.spacing)) for length in (REACH_M, APPROACH_M, MOVED_M, MIN_USE_M)]
-    return Windows(reach=cells[0], approach=cells[1], inside=cells[2], min_use=cells[3])
+    reaches = tuple(max(1, round(length / ground.spacing)) for length in REACHES_M)
+    return Windows(reach=cells[0], reaches=reaches, approach=cells[1], inside=cells[2], min_use=cells[3])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneUse:
-    """`left`, `stayed`, `came` (L, m): share of ways that left lane k over the reach ahead of a cell, stayed, or came into it.
+    """`left`, `stayed`, `came` (REACHES, L, m): share of ways that left lane k over a reach ahead of a cell, stayed, or came.
 
     `leaves` and `enters` (L, places): at which place around the start of the closure ways left the lane for it, and at which
     they came in behind its end. `uses` (L,): share that drives on closed ground, -1 where the trace does not pass it.
@@ -59,7 +67,7 @@ def use_of_lanes(ground: Ground, ways: Ways) -> LaneUse:
         ways.places,
         ways.weights,
         ground.closures,
-        windows.reach,
+        np.array(windows.reaches),
         windows.approach,
         windows.inside,
         windows.min_use,
@@ -70,31 +78,34 @@ def use_of_lanes(ground: Ground, ways: Ways) -> LaneUse:
 
 @numba.njit(cache=True, nogil=True)
 def _use(  # noqa: C901 - the questions share the pass over ways and cells
-    ways: Places, weights: FloatArray, ends: IntArray, reach: int, approach: int, inside: int, min_use: int, n_lanes: int
+    ways: Places, weights: FloatArray, ends: IntArray, reaches: IntArray, approach: int, inside: int, min_use: int, n_lanes: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     n, m = ways.shape
-    left, stayed, came = np.zeros((n_lanes, m)), np.zeros((n_lanes, m)), np.zeros((n_lanes, m))
+    shape = (len(reaches), n_lanes, m)
+    left, stayed, came = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     leaves, enters = np.zeros((n_lanes, approach + inside + 1)), np.zeros((n_lanes, approach + inside + 1))
     uses = -np.ones(n_lanes)
     for k in range(n_lanes):
         start, end = ends[k]
         for i in range(n):
             way, part = ways[i], weights[i]
-            for t in range(reach // 4, m):
-                if way[t] < 0:
-                    continue
-                a = max(t - reach, 0)
-                while a < t and way[a] < 0:
-                    a += 1
-                if t - a < reach // 4:
-                    continue
-                was, is_in = abs(way[a] - 3 * k) <= 1, abs(way[t] - 3 * k) <= 1
-                if was and is_in:
-                    stayed[k, t] += part
-                elif was:
-                    left[k, t] += part
-                elif is_in:
-                    came[k, t] += part
+            for j in range(len(reaches)):
+                reach = reaches[j]
+                for t in range(reach // 4, m):
+                    if way[t] < 0:
+                        continue
+                    a = max(t - reach, 0)
+                    while a < t and way[a] < 0:
+                        a += 1
+                    if t - a < reach // 4:
+                        continue
+                    was, is_in = abs(way[a] - 3 * k) <= 1, abs(way[t] - 3 * k) <= 1
+                    if was and is_in:
+                        stayed[j, k, t] += part
+                    elif was:
+                        left[j, k, t] += part
+                    elif is_in:
+                        came[j, k, t] += part
             if start < 0:
                 continue
             run, longest, passes = 0, 0, False
