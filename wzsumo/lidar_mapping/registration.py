@@ -180,20 +180,19 @@ def _levels(moving: FloatArray, fixed: FloatArray, *, near: float, extent: float
     The two parts are kept apart, so that a cone among ten thousand ground points finds its own neighbours even at a radius of
     metres. Together, the rings of a LiDAR on the ground, which look the same from every place, would hold the scan in place.
     """
-    source, target = _parts(moving, extent), _parts(fixed, extent)
-    levels = []
-    for factor in LEVELS:
-        matchers = []
-        kinds = ((Shape.GROUND, GROUND_FINENESS), (Shape.ANY, STANDING_FINENESS))
-        for (shape, fineness), points, others in zip(kinds, source, target, strict=True):
+    columns = []
+    kinds = ((Shape.GROUND, GROUND_FINENESS), (Shape.ANY, STANDING_FINENESS))
+    for (shape, fineness), points, others in zip(kinds, _parts(moving, extent), _parts(fixed, extent), strict=True):
+        column = []
+        for factor in sorted(LEVELS):  # a coarser level is thinned from the finer one
             cube = factor * near
             held = VoxelMap(cube=cube, spacing=cube / fineness)
             held.insert(others)
-            features = _thinned(points, cube / fineness)
-            features = features[:: 1 + len(features) // MAX_FEATURES]
-            matchers.append(SurfaceMatcher(features=features, target=held, shape=shape))
-        levels.append(tuple(matchers))
-    return levels
+            points, others = _thinned(points, cube / fineness), held.points  # noqa: PLW2901
+            features = points[:: 1 + len(points) // MAX_FEATURES]
+            column.append(SurfaceMatcher(features=features, target=held, shape=shape))
+        columns.append(column[::-1])
+    return list(zip(*columns, strict=True))
 
 
 def _parts(points: FloatArray, extent: float) -> tuple[FloatArray, FloatArray]:
