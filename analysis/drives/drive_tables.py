@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.stats import bootstrap
+from scipy.stats import beta, bootstrap
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 # Column of library_drives.csv of a column of the table, which drive of several is shown, and its format.
@@ -72,6 +72,43 @@ def paper_squares() -> str:
         path = {"NO_PATH": "none", "REACHED_GOAL": "reached the goal"}.get(made["outcome"], made["outcome"])
         lines.append(f"| {title} | {made['precision']:.3f} | {made['recall']:.3f} | {made['n_fragments']:,} | {path} |")
     return "\n".join(lines)
+
+
+def conduct_of_states() -> str:
+    """How the drives of each state of the code were driven, a row a state and choice of its drives."""
+    rows = pd.read_csv(RESULTS / "conduct.csv", dtype={"speed": str})
+    keys = ["scenario", "seed", "method", "speed"]
+    of = {state: part.set_index(keys) for state, part in rows.groupby("code")}
+    chosen = {
+        "A": of["A"], "A, drives of B": of["A"].loc[of["A"].index.isin(of["B"].index)], "B": of["B"],
+        "A, drives of C (`lanes`)": of["A"].loc[of["A"].index.isin(of["C"].index)],
+        "B, drives of C": of["B"].loc[of["B"].index.isin(of["C"].index)], "C": of["C"],
+    }  # fmt: skip
+    chosen |= {f"D, `{method}`": part for method, part in of["D"].groupby(level="method")}
+    titles = (
+        "n", "reached", "clean", "bound", "also at most 4 m/s² behind", "over a line, mean / worst", "braking m/s²",
+        "of the one behind", "asked of it", "jerk m/s³", "off the middle m", "SDLP m, worst", "drives with spare lane changes", "clearance m",
+    )  # fmt: skip
+    lines = [f"| | {' | '.join(titles)} |", f"|---|{'---:|' * len(titles)}"]
+    for title, part in chosen.items():
+        n, clean, over = len(part), part["clean"].astype(bool), 100 * part["over_line_share"]
+        spare = (part["n_lane_changes"] > part["n_needed_changes"]).sum()
+        asked = part["braking_asked_behind_mps2"].max()
+        cells = (
+            n, (part["outcome"] == "REACHED_GOAL").sum(), clean.sum(), f"{share_above(int(clean.sum()), n):.0%}",
+            (clean & (part["braking_behind_mps2"] <= 4)).sum(), f"{over.mean():.1f} / {over.max():.0f} %",
+            f"{part['braking_unprompted_mps2'].max():.1f}", f"{part['braking_behind_mps2'].max():.1f}",
+            "–" if np.isnan(asked) else f"{asked:.1f}", f"{part['max_jerk_1s_mps3'].max():.1f}",
+            f"{part['mean_off_middle_m'].mean():.2f}", f"{part['sd_off_middle_m'].max():.2f}", int(spare),
+            f"{part['min_clearance_devices_m'].min():.2f}",
+        )  # fmt: skip
+        lines.append(f"| {title} | {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def share_above(n_clean: int, n: int) -> float:
+    """The share that the share of clean drives is above, with 95 % (Clopper & Pearson 1934)."""
+    return float(beta.ppf(0.05, n_clean, n - n_clean + 1)) if n_clean else 0.0
 
 
 def library_by_method(first: str, last: str) -> str:

@@ -37,6 +37,31 @@ def test_nobody_in_the_way_leaves_the_speed_to_the_controller() -> None:
         assert planner.ceiling(outlook(), traffic, layout=LAYOUT, may_enter=True, dt=0.1) == np.inf
 
 
+def test_ceiling_is_the_plan_as_far_ahead_as_the_car_lags_and_the_next_plan_begins_one_step_on() -> None:
+    ego, leader = outlook(speed=20.0, desired_speed=20.0), vehicle_at(ahead(25.0), RIGHT, speed=14.0)
+    planner, spec = SpeedPlanner(SpeedPlanSpec()), SpeedPlanSpec()
+    begins = 0.0
+    for _ in range(3):
+        plan = plan_accelerations(ego, leader, layout=LAYOUT, may_enter=True, acceleration=begins, spec=spec)
+        assert plan is not None
+        # Plans have values every 0.25 s: after 0.1 s two fifths of the way to the second, after 0.4 s three to the third.
+        asked = plan[1] + (plan[2] - plan[1]) * 0.6
+        assert planner.ceiling(ego, leader, layout=LAYOUT, may_enter=True, dt=0.1) == pytest.approx(asked)
+        begins = float(plan[0] + (plan[1] - plan[0]) * 0.4)
+
+
+def test_ceiling_rises_by_two_and_a_half_a_second_when_the_way_becomes_free_and_ends_at_the_egos_own_acceleration() -> None:
+    ego, leader = outlook(speed=20.0, desired_speed=20.0), vehicle_at(ahead(25.0), RIGHT, speed=14.0)
+    planner = SpeedPlanner(SpeedPlanSpec())
+    for _ in range(20):
+        planner.ceiling(ego, leader, layout=LAYOUT, may_enter=True, dt=0.1)
+    rising = [planner.ceiling(ego, NOBODY, layout=LAYOUT, may_enter=True, dt=0.1) for _ in range(40)]
+    finite = np.array([each for each in rising if np.isfinite(each)])
+    np.testing.assert_allclose(np.diff(finite), 0.25)
+    assert 1.4 - 0.25 <= finite[-1] < 1.4
+    assert rising[-1] == np.inf
+
+
 def test_standing_queue_is_met_with_comfortable_braking_and_two_metres() -> None:
     trial = drive([Other(ahead(240.0), in_lane, lambda _t: 0.0)], speed=25.0, desired=25.0, duration_s=35.0)
     assert -2.1 < trial.acceleration.min() < -1.5

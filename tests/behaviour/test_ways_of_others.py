@@ -37,6 +37,11 @@ def test_vehicle_beside_a_straight_path_is_not_in_the_way(ahead_m: float) -> Non
     assert len(ways(outlook(), one_vehicle(ahead_m, MIDDLE, speed=10)).enters) == 0
 
 
+@pytest.mark.parametrize(("ahead_m", "found"), [(240.0, 1), (260.0, 0)])
+def test_vehicles_within_250_m_are_minded(ahead_m: float, found: int) -> None:
+    assert len(ways(outlook(length_m=400), one_vehicle(ahead_m, RIGHT, speed=5)).enters) == found
+
+
 def test_driver_who_follows_in_the_lane_is_left_out() -> None:
     assert len(ways(outlook(slope=0.1), one_vehicle(-20, RIGHT, speed=20)).enters) == 0
 
