@@ -87,7 +87,8 @@ def conduct_of_states() -> str:
     chosen |= {f"D, `{method}`": part for method, part in of["D"].groupby(level="method")}
     titles = (
         "n", "reached", "clean", "bound", "also at most 4 m/s² behind", "over a line, mean / worst", "braking m/s²",
-        "of the one behind", "asked of it", "jerk m/s³", "off the middle m", "SDLP m, worst", "drives with spare lane changes", "clearance m",
+        "of the one behind", "asked of it", "jerk m/s³", "off the middle m", "SDLP m, worst", "drives with spare lane changes",
+        "clearance m",
     )  # fmt: skip
     lines = [f"| | {' | '.join(titles)} |", f"|---|{'---:|' * len(titles)}"]
     for title, part in chosen.items():
@@ -104,6 +105,17 @@ def conduct_of_states() -> str:
         )  # fmt: skip
         lines.append(f"| {title} | {' | '.join(map(str, cells))} |")
     return "\n".join(lines)
+
+
+def conduct_summary() -> str:
+    """How many drives of the present state were clean, in a sentence."""
+    rows = pd.read_csv(RESULTS / "conduct.csv")
+    rows = rows[rows["code"] == "D"]
+    told = []
+    for method, part in rows.groupby("method"):
+        n, n_clean = len(part), int(part["clean"].astype(bool).sum())
+        told.append(f"{n_clean} of {n} drives on `{method}` maps (above {share_above(n_clean, n):.0%} with 95 %)")
+    return f"{' and '.join(told)} were\n  clean, in {rows['scenario'].nunique()} zones of the library"
 
 
 def share_above(n_clean: int, n: int) -> float:
