@@ -65,7 +65,7 @@ def measure_zone(name: str, *, seed: int, times: float) -> dict[str, Any]:
         "in_closed_area": fleet.n_in_closed_area, "overlapping": summary.n_overlapping,
         "locked_s": summary.locked_s, "locked_station_m": summary.locked_station_m,
         "ttc_below_1.5_s": summary.n_ttc_conflicts, "pet_below_1_s": summary.n_pet_conflicts,
-        "throughput_vph": round(summary.throughput_vph), "mean_delay_s": round(summary.mean_delay_s, 1),
+        "throughput_vph": round(summary.throughput_vph, 0), "mean_delay_s": round(summary.mean_delay_s, 1),
         "queue_speed_mps": round(measures.minutes.loc[queued, "upstream_speed_mps"].mean(), 1),
         "merges": summary.n_merges, **{key: round(value) for key, value in fleet.merge_position_m.items()},
         "in_closing_lane_at_taper": round((vehicles.loc[passed, "merge_position_m"] > 0).mean(), 3),
@@ -103,12 +103,13 @@ def table_of(rows: pd.DataFrame) -> str:
         flowed = part[part["locked_s"].isna()]
         total, mean = part.sum(numeric_only=True), flowed.mean(numeric_only=True)
         merged = "" if flowed["q50"].isna().all() else f"{mean['q10']:.0f}, {mean['q50']:.0f}, {mean['q90']:.0f}"
-        lines.append(
+        line = (
             f"| `{zone}` | {times:g} | {len(part)} | {total['asked']:.0f}, {total['entered']:.0f}, {total['waiting']:.0f} | "
             f"{total['in_closed_area']:.0f} | {total['overlapping']:.0f} | {part['locked_s'].notna().sum()} | "
             f"{total['ttc_below_1.5_s']:.0f} | {total['pet_below_1_s']:.0f} | {mean['throughput_vph']:,.0f} | "
             f"{mean['mean_delay_s']:.1f} | {merged} |"
         )
+        lines.append(line.replace(" nan ", " - "))
     return "\n".join(lines)
 
 
