@@ -24,6 +24,10 @@ from wzsumo.scenario.scenario import Scenario
 from wzsumo.simulation.fleet import simulate_fleet
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
+COLUMNS = (
+    "change", "error_m", "n", "median_traces", "p95_traces", "missed", "right_kind", "traces_before", "false_before",
+    "traces_after", "alarms_after",
+)  # fmt: skip
 NONE: dict[str, Any] = {"stands": False}
 # (state before, state after, kinds of alarm that name it)
 KINDS: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[str, ...]]] = {
@@ -95,7 +99,7 @@ def row_of(kind: str, error_m: float, runs: list[dict[str, Any]]) -> list[object
 
 
 def main() -> None:
-    """Measure, and write live_sumo.csv, a row a kind and error as soon as it is measured."""
+    """Measure, and add to live_sumo.csv a row a kind and error as soon as it is measured."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--traffic", type=int, default=4, help="seeds of the traffic")
     parser.add_argument("--receivers", type=int, default=5, help="seeds of receivers and equipment")
@@ -103,12 +107,12 @@ def main() -> None:
     parser.add_argument("--errors", type=float, nargs="+", default=[0.5, 1.0])
     parser.add_argument("--kinds", nargs="+", default=list(KINDS))
     args = parser.parse_args()
-    with (RESULTS / "live_sumo.csv").open("w", newline="", encoding="utf-8") as file:
+    path = RESULTS / "live_sumo.csv"
+    fresh = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
-        table.writerow([
-            "change", "error_m", "n", "median_traces", "p95_traces", "missed", "right_kind", "traces_before", "false_before",
-            "traces_after", "alarms_after",
-        ])  # fmt: skip
+        if fresh:
+            table.writerow(COLUMNS)
         for kind in args.kinds:
             worlds = [scenario(kind, traffic=args.seed + number) for number in range(args.traffic)]
             driven = [(world, fleets(world)) for world in worlds]

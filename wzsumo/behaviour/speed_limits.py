@@ -22,7 +22,8 @@ def limit_ceiling(limits: tuple[SpeedLimit, ...], *, station: float, speed: floa
     """Highest acceleration [m/s2] that keeps all limits, from a station [m] at a speed [m/s]; inf where none is near.
 
     Ahead of a limit it is that of constant braking to the limit's start, (u^2 - v^2) / 2 d, once this is as much as
-    BRAKES_FROM of the comfortable deceleration. Where it is late, it may be as much as tyres give.
+    BRAKES_FROM of the comfortable deceleration. For the end of the way it may be as much as tyres give, for a slow stretch no
+    more than is comfortable: the ego then comes into it faster.
     """
     ceiling = inf
     for limit in limits:
@@ -31,6 +32,8 @@ def limit_ceiling(limits: tuple[SpeedLimit, ...], *, station: float, speed: floa
         ahead = limit.start - station
         if (ahead > 0 and limit.speed > 0) or ahead > 0.5:
             wanted = (limit.speed**2 - speed**2) / (2 * ahead)
+            if limit.speed > 0:
+                wanted = max(wanted, -spec.comfortable_deceleration_mps2)
             if wanted <= -BRAKES_FROM * spec.comfortable_deceleration_mps2:
                 ceiling = min(ceiling, wanted)
         elif limit.speed == 0:
