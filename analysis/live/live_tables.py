@@ -43,7 +43,8 @@ def sumo() -> str:
     ]
     lines += [
         f"| {row['change']} | {row['error_m']} | {row['n']} | {row['median_traces']} / {row['p95_traces']} | {row['missed']} | "
-        f"{row['right_kind']} | {row['false_before']} in {row['traces_before']} | {row['alarms_after']} in {row['traces_after']} |"
+        f"{row['right_kind']} | {row['false_before']} in {row['traces_before']} | "
+        f"{row['alarms_after']} in {row['traces_after']} |"
         for row in _rows("live_sumo.csv")
     ]
     return "\n".join(lines)
