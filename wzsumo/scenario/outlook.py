@@ -38,7 +38,7 @@ def foreseen_lacks(scenario: Scenario) -> list[str]:
     expected = crowd.penetration * vehicles_expected_to_pass(scenario)
     asked = {key: getattr(crowd, key) for key in ("collected", "used")}
     return [
-        f"crowd.{key}={count}: some {expected:.0f} equipped vehicles can be expected to pass; the run takes what there is "
+        f"crowd.{key}={count}: some {expected:.3g} equipped vehicles can be expected to pass; the run takes what there is "
         "(raise crowd.penetration or simulation.demand.duration_s for more)"
         for key, count in asked.items()
         if count > expected
