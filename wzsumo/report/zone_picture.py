@@ -71,7 +71,7 @@ def _panel(
         if a < each["s_m"] < b:
             across = np.array([[each["s_m"], each["right_m"]], [each["s_m"], each["left_m"]]])
             lines.append({"kind": "stop", "path": _path(_on_paper(across, to_paper))})
-    devices = run.devices[run.devices["s_m"].between(a, b)][["s_m", "d_m"]].to_numpy()
+    devices = run.devices[run.devices["s_m"].between(a, b, inclusive="left")][["s_m", "d_m"]].to_numpy()
     step = _round_length((b - a) / 5)
     ticks = np.arange(np.ceil((a + 0.08 * (b - a)) / step) * step, b - 130 / along, step)
     panel: dict[str, Any] = {
