@@ -45,7 +45,8 @@ def test_vehicle_in_the_next_lane_is_told_apart_from_one_ahead_and_one_two_lanes
 
 
 def test_vehicle_that_drives_the_other_way_holds_nobody_back() -> None:
-    facing = other("f", np.full(400, 1.0), ahead_m=60.0, y=MIDDLE + 3.6).assign(heading_rad=np.pi)
+    beside = other("f", np.interp(np.arange(400), np.arange(800) / 2, SLOWED), ahead_m=12.0, y=MIDDLE + 3.6)
+    facing = beside.assign(heading_rad=np.pi)
     assert told(run_of(SLOWED, facing)) == []
 
 
@@ -57,6 +58,7 @@ def test_wait_at_the_stop_line_is_for_the_other_direction() -> None:
     assert slowing.why is Why.TURN
     assert slowing.least_speed_mps == pytest.approx(0.0, abs=1e-9)
     assert told(run, stop_line_m=front + 200.0) == []
+    assert told(run, stop_line_m=front - 200.0) == []  # behind it
 
 
 def test_drive_of_one_moment_is_not_explained() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import shapely
-from builders import paper_layout
+from builders import by_turns_layout, paper_layout
 
 from wzsumo.files.frame import read_frame
 from wzsumo.files.geojson import collection_in_metres
@@ -22,6 +22,20 @@ def test_layout_has_a_feature_for_each_area_lane_device_and_sign() -> None:
         "drivable": 1, "closed_area": 1, "pavement": 1, "reference_line": 1, "lane": len(LAYOUT.lanes),
         "device": len(LAYOUT.devices), "sign": len(LAYOUT.signs),
     }  # fmt: skip
+
+
+def test_stop_lines_lie_across_the_lane_of_those_who_wait_at_them() -> None:
+    layout = by_turns_layout()
+    turns = layout.taking_turns
+    assert turns is not None
+    found = [f for f in layout_geojson(layout)["features"] if f["properties"]["name"] == "stop_line"]
+    forward, against = sorted((f["properties"] for f in found), key=lambda each: each["opposing"])
+    assert (forward["s_m"], against["s_m"]) == (turns.start, turns.end)
+    lane_m = 12 * 0.3048  # the right lane forward, the left one against the stations
+    assert (forward["right_m"], forward["left_m"]) == pytest.approx((0, lane_m), abs=0.01)
+    assert (against["right_m"], against["left_m"]) == pytest.approx((lane_m, 2 * lane_m), abs=0.01)
+    line = shapely.geometry.shape(found[0]["geometry"])
+    assert line.length == pytest.approx(lane_m, abs=0.01)
 
 
 def test_features_lie_in_world_metres_and_carry_their_columns() -> None:

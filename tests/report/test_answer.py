@@ -83,6 +83,8 @@ def test_six_figures_keep_their_limits_or_do_not(tmp_path: Path) -> None:
     assert [(each.value, each.kept) for each in figures] == [
         ("0.20 m", False), ("1.0 %", False), ("3.4 m/s²", True), ("nobody to follow", None), ("721 s", False), ("1207 m", True),
     ]  # fmt: skip
+    at_limit = method | {"driven": {"min_clearance_devices_m": 0.23}}
+    assert key_figures(run_of(tmp_path, at_limit), "swept")[0].kept
     # The limits are those of the drive's conduct: what is beside a vehicle of the greatest legal width in the narrowest lane,
     # AASHTO's deceleration, the smallest gap of ISO 15622.
     assert [each.limit for each in figures[:4]] == ["at least 0.23 m", "0 %", "at most 3.4 m/s²", "at least 0.8 s"]

@@ -239,7 +239,7 @@ def test_run_whose_scenario_has_keys_that_are_no_longer_known_is_still_told(fold
     ahead = pd.DataFrame({"vehicle_id": "a", "time_s": np.arange(3, 27, 0.1).round(1), "y_m": 3.7, "heading_rad": 0.0})
     ahead = ahead.assign(x_m=20 * ahead["time_s"] + 30, speed_mps=20.0, length_m=5.0, width_m=2.0)
     ahead.to_parquet(tmp_path / "drives" / "swept_traffic.parquet")
-    (tmp_path / "scenario.toml").write_text("[control]\ntarget_speed_mps = 25.0\n[control.others]\nno_longer = 1.0\n")
+    (tmp_path / "scenario.toml").write_text("[control]\ntarget_speed_mps = 25.0\n[control.regulated]\nno_longer = 1.0\n")
     (slowing,) = slowings_of(run, "swept")
     assert slowing.why == "a vehicle ahead"
     (tmp_path / "scenario.toml").write_text("[control]\ntarget_speed_mps = 20.5\n")

@@ -60,6 +60,8 @@ def test_drive_that_ended_early_is_marked_where_it_ended(tmp_path: Path) -> None
     centre_m = 900.0 + 4.64 / 2 - 0.92  # of the vehicle, whose rear axle came to 900 m
     assert panel["ended"][0] == pytest.approx((centre_m - START) * along, abs=0.1)
     assert points_of(panel["drive"])[-1][0] == pytest.approx(panel["ended"][0], abs=0.1)
+    (panel,) = zone_picture(driven(tmp_path, to_m=901.0, outcome="REACHED_GOAL"), "swept")["broad"]["panels"]
+    assert "ended" not in panel  # a goal in the zone is no early end
 
 
 @pytest.mark.parametrize("kind", ["broad", "narrow"])
