@@ -16,7 +16,15 @@ def test_every_figure_of_a_run_stands_in_one_group() -> None:
 
 
 def test_rows_carry_their_unit_and_say_in_words_what_did_not_happen() -> None:
-    groups = traffic_groups({"throughput_vph": 1370.77, "queue_discharge_vph": None, "locked_s": None, "nox_g_per_vkm": 0.0939})
+    groups = traffic_groups(
+        {
+            "throughput_vph": 1370.77,
+            "queue_discharge_vph": None,
+            "locked_s": None,
+            "locked_station_m": None,
+            "nox_g_per_vkm": 0.0939,
+        }
+    )
     assert [row.value for row in groups["Flow"]] == ["1371 veh/h", "no queue stood so long", "none did"]
     assert [row.value for row in groups["Emissions"]] == ["0.094 g per veh km"]
 

@@ -73,7 +73,7 @@ def show_lane_lines(axes: Axes, run: ResultFolder) -> None:
     found = lane_lines(run)
     for kind, (colour, width, style) in LINE_STYLES.items():
         lines = [np.column_stack([line.stations, line.offsets]) for line in found if line.kind == kind]
-        label = f"{kind} line" if lines else None
+        label = f"{kind} line" if lines and kind != "edge" else None
         drawn = LineCollection(lines, colors=colour, linewidths=width, linestyles=[style], label=label, zorder=LINES_ABOVE)
         axes.add_collection(drawn, autolim=False)
     for each in run.stop_lines:

@@ -66,7 +66,7 @@ _GROUPS: dict[str, tuple[_Quantity, ...]] = {
         ),
         _Quantity(key="n_merges", name="Vehicles that merged out of a closing lane"),
         _Quantity(key="locked_s", name="A vehicle stood for good from", unit="s", reference="never", absent="none did"),
-        _Quantity(key="locked_station_m", name="where it stood", unit="m", absent="none did"),
+        _Quantity(key="locked_station_m", name="where it stood", unit="m"),
     ),
     "Delay and queue": (
         _Quantity(
@@ -132,12 +132,17 @@ def traffic_groups(
     """The rows of each group. `fleet`: figures of the vehicles' tracks. `demand_vph`: the flow that the scenario asks for."""
     references = _references(traffic, demand_vph)
     groups = {
-        title: [_row(each, traffic[each.key], references) for each in group if each.key in traffic]
+        title: [_row(each, traffic[each.key], references) for each in group if _is_told(each, traffic)]
         for title, group in _GROUPS.items()
     }
     for title, row in _fleet_rows(fleet or {}):
         groups[title].append(row)
     return {title: rows for title, rows in groups.items() if rows}
+
+
+def _is_told(quantity: _Quantity, traffic: Mapping[str, Any]) -> bool:
+    """Whether a run has the figure; where a vehicle stood is told only if one did."""
+    return quantity.key in traffic and not (quantity.key == "locked_station_m" and traffic[quantity.key] is None)
 
 
 def _row(quantity: _Quantity, value: float | None, references: Mapping[str, str]) -> Row:

@@ -24,6 +24,7 @@ from wzsumo.units import feet_from_metres
 MARGIN_M = 40.0  # of road shown before the zone and after it
 BROAD, NARROW = (1100.0, 1, 150.0), (360.0, 4, 88.0)  # width, pieces, height of the road, in the drawing's units
 LETTER = 7.4  # mean width of a letter of the page's 13 px font
+TICKS_APART = 85.0  # at least, in the same units
 HATCH = 13.0  # between the strokes on closed ground
 
 
@@ -72,8 +73,9 @@ def _panel(
             across = np.array([[each["s_m"], each["right_m"]], [each["s_m"], each["left_m"]]])
             lines.append({"kind": "stop", "path": _path(_on_paper(across, to_paper))})
     devices = run.devices[run.devices["s_m"].between(a, b, inclusive="left")][["s_m", "d_m"]].to_numpy()
-    step = _round_length((b - a) / 5)
-    ticks = np.arange(np.ceil((a + 0.08 * (b - a)) / step) * step, b - 130 / along, step)
+    step = _round_length(TICKS_APART / along)
+    room = 130.0 if b >= run.span[1] + MARGIN_M else 25.0  # the last piece says how far the picture is stretched
+    ticks = np.arange(np.ceil((a + 0.08 * (b - a)) / step) * step, b - room / along, step)
     panel: dict[str, Any] = {
         "ground": {name: _outline(area) for name, area in ground.items()},
         "hatch": _path_of_lines(_hatched(ground["closed_area"])),
