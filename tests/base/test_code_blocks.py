@@ -149,6 +149,6 @@ def test_toml_of_the_guide_is_taken(desk: Path) -> None:
     assert read_zone_to_place(desk / "zone.toml").road.left_shoulder_ft == 4
     assert read_map_before(desk / "road.toml") is not None
     for part in blocks(GUIDE / "scenarios.md", "toml"):
-        text = Path("scenarios/paper.toml").read_text(encoding="utf-8")
+        text = (ROOT / "scenarios" / "paper.toml").read_text(encoding="utf-8")
         Path("whole.toml").write_text(f"{text}\n{part}")
         load_scenario("whole.toml")
