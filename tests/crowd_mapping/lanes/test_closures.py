@@ -137,3 +137,12 @@ def test_lane_that_vehicles_leave_outwards_is_no_likelier_for_it() -> None:
     sights = [seen(3.6 * in_lane[:, :, 1]) for in_lane in (outwards, inwards)]
     assert log_closing(fit_of(outwards), sights[0]) < 1.0
     assert log_closing(fit_of(inwards), sights[1]) > 10.0
+
+
+def test_lane_that_nobody_enters_for_long_after_its_closure_has_one_closure() -> None:
+    """The zone ends at 700 m, the crowd comes back at 1,200 m: nobody shows that the lane was open in between."""
+    in_lane = always_in([0] * 40, n_stations=90)
+    in_lane[:20, :18] = [0.0, 1.0]
+    in_lane[:20, 60:] = [0.0, 1.0]
+    _, closures = fit_closures(fit_of(in_lane), seen(3.6 * in_lane[:, :, 1]), prior_of(start_sd_m=15.0, end_sd_m=15.0))
+    assert [len(of_lane) for of_lane in closures] == [1, 1]

@@ -92,12 +92,19 @@ def _closure(interval: FloatArray, log_odds: float) -> Closure:
 
 
 def _beside(lane: int, closure: Closure, within: slice, fit: LaneFit, observations: Observations) -> list[Closure]:
-    """Closures that are likelier than not, nothing being announced, ahead of one that is and behind it, `within` stations."""
+    """Closures that are likelier than not, nothing being announced, ahead of one that is and behind it, `within` stations.
+
+    Between two closures vehicles drove in the lane.
+    """
     if closure.p_closed <= 0.5:
         return []
     unannounced, found = ClosurePrior(), []
     e, b = _likeliest(closure.interval)
-    for part in (slice(within.start, e), slice(b + 1, within.stop)):
+    used = np.flatnonzero(lanes_driven(fit, observations)[:, :, lane].sum(axis=0) >= 1)  # else it is one closure, and longer
+    ahead, behind = used[(used >= within.start) & (used < e)], used[(used > b) & (used < within.stop)]
+    parts = [slice(within.start, int(ahead.max()))] if len(ahead) else []
+    parts += [slice(int(behind.min()) + 1, within.stop)] if len(behind) else []
+    for part in parts:
         if (part.stop - part.start) * observations.spacing > SHORTEST_CLOSURE_M:
             interval, log_ratio = _evidence(lane, fit, observations, unannounced, part=part)
             other = _closure(interval, unannounced.log_odds(lane) + log_ratio)

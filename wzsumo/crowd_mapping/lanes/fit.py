@@ -90,15 +90,18 @@ def fit_lanes(
     receivers: Receivers | None = None,
     rounds: int = ROUNDS,
     crowd: Crowd | None = None,
+    tried: BoolArray | None = None,
     roughly: bool = False,
 ) -> LaneFit:
     """The fit that begins at a course (m,) [m], relative to `base`; of 0 rounds it has its likelihoods alone.
 
-    `crowd` is what is known of it beforehand. `roughly` is faster: see `smooth_traces`.
+    `crowd` is what is known of it beforehand, `tried` (traces, classes) which classes of receivers may be. `roughly`,
+    it is faster: see `smooth_traces`.
     """
     receivers = receivers or receivers_of(observations)
     expect = partial(_expect, observations, setting, receivers, roughly=roughly)
-    fit = expect(course_at_start(course, setting.prior), crowd or first_crowd(setting, receivers), likelihood_only=rounds == 0)
+    crowd = crowd or first_crowd(setting, receivers)
+    fit = expect(course_at_start(course, setting.prior), crowd, likelihood_only=rounds == 0, tried=tried)
     if rounds == 0:
         return fit
     for _ in range(rounds):

@@ -7,7 +7,7 @@ import numpy as np
 
 from wzsumo.crowd_mapping.lanes.closures import log_closing
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
-from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
+from wzsumo.crowd_mapping.lanes.fit import LEAST_TRIED, LaneFit, LaneSetting, crowd_of, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
 from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
 from wzsumo.frames import FloatArray
@@ -21,7 +21,7 @@ SCOUT_ROUNDS = 3
 LOG_PRIOR_PER_LANE = -5.0  # with ODD_SHARE: a lane must be worth two good witnesses. Chosen by us
 ODD_SHARE = 0.002  # of traces that say nothing of the number of lanes: so none says more than 6 nats. Chosen by us
 FITTED = 2  # numbers of lanes, the likeliest after rough fits, that are fitted in full
-HOPELESS, RIVAL = 60.0, 20.0  # nats behind the likeliest: no more lanes are tried; a fit to all traces is made
+RIVAL = 20.0  # nats behind the likeliest on some traces, from which on no more lanes are tried
 
 
 def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> tuple[LaneFit, FloatArray]:
@@ -30,19 +30,22 @@ def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> tupl
     A lane is there by the probability of the numbers of lanes that have one in its place, of those that are fitted in full.
     Without `off_lane` no vehicle is beside the lanes.
     """
-    everyone = receivers_of(observations)
-    rough = [
-        fit_lanes(observations, fit.setting, course=fit.course.offset, receivers=everyone, rounds=SCOUT_ROUNDS, roughly=True)
-        for fit in _rivals(scouts_of(observations), off_lane=off_lane)
-    ]
+    rough = _rough_fits(scouts_of(observations), observations, off_lane=off_lane)
     likeliest = np.argsort(-_with_closures(rough, observations), kind="stable")[:FITTED]
-    fits = [fit_lanes(observations, rough[i].setting, course=rough[i].course.offset, receivers=everyone) for i in likeliest]
+    fits = [_in_full(rough[i], observations) for i in likeliest]
     score = _with_closures(fits, observations)
     best = int(np.argmax(score))
     p = np.exp(score - score[best])
     return fits[best], np.minimum(
         sum(one * _has_lanes_of(fits[best], fit) for one, fit in zip(p / p.sum(), fits, strict=True)), 1.0
     )
+
+
+def _in_full(rough: LaneFit, observations: Observations) -> LaneFit:
+    return fit_lanes(
+        observations, rough.setting, course=rough.course.offset, receivers=rough.receivers, crowd=crowd_of(rough, observations),
+        tried=rough.class_share > LEAST_TRIED,
+    )  # fmt: skip
 
 
 def _has_lanes_of(fit: LaneFit, other: LaneFit) -> FloatArray:
@@ -80,11 +83,30 @@ def _outer_lanes_without_users(fit: LaneFit) -> int:
     return int(users[0] < least) + int(users[-1] < least)
 
 
-def _rivals(scouts: Observations, *, off_lane: bool) -> list[LaneFit]:
-    """Fits to some traces, with the numbers of lanes that these make likely."""
-    tried = _scouted(scouts, off_lane=off_lane)
-    score = scores(tried)
-    return [fit for fit, one in zip(tried, score, strict=True) if one > score.max() - RIVAL]
+def _rough_fits(scouts: Observations, observations: Observations, *, off_lane: bool) -> list[LaneFit]:
+    """Rough fits to all traces: of the number of lanes that some traces make likeliest, and of its rivals about it."""
+    everyone = receivers_of(observations)
+    by_scouts = {fit.setting.n_lanes: fit for fit in _scouted(scouts, off_lane=off_lane)}
+    of_all: dict[int, LaneFit] = {}
+
+    def worth_it(n_lanes: int) -> bool:
+        """Whether this number of lanes is not behind another by more than what a lane costs."""
+        if n_lanes not in by_scouts:
+            return False
+        start = by_scouts[n_lanes]
+        of_all[n_lanes] = fit_lanes(
+            observations, start.setting, course=start.course.offset, receivers=everyone, rounds=SCOUT_ROUNDS, roughly=True
+        )
+        score = _with_closures(list(of_all.values()), observations)
+        return bool(score[-1] >= score.max() + LOG_PRIOR_PER_LANE)
+
+    first = list(by_scouts)[int(np.argmax(scores(list(by_scouts.values()))))]
+    worth_it(first)
+    for step in (1, -1):
+        n_lanes = first + step
+        while worth_it(n_lanes):
+            n_lanes += step
+    return list(of_all.values())
 
 
 def _scouted(scouts: Observations, *, off_lane: bool) -> list[LaneFit]:
@@ -105,7 +127,8 @@ def _scouted(scouts: Observations, *, off_lane: bool) -> list[LaneFit]:
         levels = _levels(scouts, base)
         for n_lanes in range(1, MAX_LANES + 1):
             fitted(n_lanes, [base + centre for centre in _candidate_centres(levels, n_lanes)])
-            if best[n_lanes].log_posterior < max(fit.log_posterior for fit in best.values()) - HOPELESS:
+            score = scores([best[fewer] for fewer in range(1, n_lanes + 1)])
+            if score[-1] < score.max() - RIVAL:
                 break
     for n_lanes in range(max(best), 1, -1):  # without one of the outer lanes
         more = best[n_lanes].course
