@@ -152,8 +152,8 @@ def test_vehicle_that_stands_beside_the_path_is_passed() -> None:
 
 
 def test_ego_that_leaves_the_way_of_one_who_waits_ahead_does_not_slow_down_for_it() -> None:
-    # It waits 100 m ahead; the path leads out of its way 30 m before it.
-    waits = Other(ahead(100.0), in_lane, lambda _t: 0.0)
+    # It waits 70 m ahead; the path leads out of its way some 10 m before it.
+    waits = Other(ahead(70.0), in_lane, lambda _t: 0.0)
     leaving = [START_X + 30.0, START_X + 70.0]
     trial = drive([waits], speed=20.0, desired=20.0, duration_s=7.0, y=lambda x: float(np.interp(x, leaving, [MIDDLE, RIGHT])))
     assert not trial.touches()
