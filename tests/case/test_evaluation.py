@@ -89,6 +89,23 @@ def test_maps_that_arrive_are_planned_on_from_where_the_ego_is(planned_on: list[
     assert asked["made"].grid.free.all()
 
 
+def test_ego_whose_goal_is_closed_on_a_new_map_goes_to_the_one_in_the_open_lane(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+
+    def plan_for(_method: MapMethod, _made: MadeMap, *, site: Any, **_given: Any) -> Plan:
+        asked.append(site.goal)
+        return plan_of(straight_path(SAFE_Y) if site.goal == (1000.0, 1.83, 0.0) else None)
+
+    monkeypatch.setattr(evaluation, "plan_for", plan_for)
+    method, own = Arriving(name="arriving", title="", make=map_of_before), sources(PAPER)
+    for open_goal, found in (((1000.0, 1.83, 0.0), True), (None, False)):
+        site = replace(coarse_site(), open_goal=open_goal)
+        _, new = new_maps(method, MadeMap(coarse_site().cells, {}), own, scenario=PAPER, site=site)
+        assert new.plan is not None
+        assert (new.plan((450.0, 5.0, 0.1)).path is not None) is found
+    assert asked[0] == coarse_site().goal
+
+
 def test_path_is_free_on_a_doubted_map_as_far_as_on_the_one_before_and_on_a_new_map_as_far_as_that_is() -> None:
     method, own = Arriving(name="arriving", title="", make=map_of_before), sources(PAPER)
     walled = coarse_site().cells.with_p_occupied(np.ones(coarse_site().cells.shape))

@@ -110,7 +110,13 @@ def new_maps(method: MapMethod, made: MadeMap, sources: Sources, *, scenario: Sc
 
 
 def _plan_from(start: Pose, *, method: MapMethod, made: MadeMap, scenario: Scenario, site: Site) -> Plan:
-    return plan_for(method, made, scenario=scenario, site=replace(site, start=start))
+    """The plan to the goal or, where no path leads there, to the one in the open lane, where the scenario names one."""
+    here = replace(site, start=start)
+    plan, open_site = plan_for(method, made, scenario=scenario, site=here), site_with_open_goal(here)
+    if plan.path is None and open_site is not None:
+        other = plan_for(method, made, scenario=scenario, site=open_site)
+        return other if other.path is not None else plan
+    return plan
 
 
 def _free_until(path: ReferencePath, start_m: float, *, grid: OccupancyGrid, scenario: Scenario) -> float:
