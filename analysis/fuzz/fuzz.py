@@ -49,7 +49,7 @@ def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = 
     import wzsumo.commands.map
     import wzsumo.commands.place
     import wzsumo.commands.run
-    import wzsumo.commands.sweep  # noqa: F401
+    import wzsumo.commands.sweep  # noqa: F401 - loaded for the processes, not used here
 
     (out / "failures").mkdir(parents=True, exist_ok=True)
     counts: Counter[tuple[str, str]] = Counter()

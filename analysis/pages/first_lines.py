@@ -1,4 +1,4 @@
-"""Run the lines of Python at the top of the README, as somebody would who has just installed the package.
+"""Run the Python example at the top of the README in an empty folder, and keep what it prints.
 
     python analysis/pages/first_lines.py
 

@@ -27,9 +27,9 @@ def networks() -> str:
     for name, title in NETWORKS.items():
         part = rows[rows["net"] == name]
         made = part[part["refused"].isna()]
-        cells = [str(len(part)), str((part["same_edges"] == True).sum()), f"{part['jaccard'].mean():.2f}", str(len(made))]  # noqa: E712 - missing values are neither
+        cells = [str(len(part)), str(part["same_edges"].eq(True).sum()), f"{part['jaccard'].mean():.2f}", str(len(made))]
         cells += [str((made["line_max_m"] < 0.15).sum()), f"{made['line_p95_m'].median():.3f}"]
-        lines.append(f"| {title} | {' | '.join(cells)} | {(made['counts_right'] == True).sum()} |")  # noqa: E712
+        lines.append(f"| {title} | {' | '.join(cells)} | {made['counts_right'].eq(True).sum()} |")
     return "\n".join(lines)
 
 

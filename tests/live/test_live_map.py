@@ -74,7 +74,7 @@ def test_a_lane_that_is_closed_is_named_and_drawn_closed() -> None:
 
 
 def test_a_lane_that_all_leave_long_before_it_closes_is_named() -> None:
-    """Drivers who read the sign merge 450 to 950 m ahead: nobody is in the lane 400 m ahead of where it ends."""
+    """Vehicles merge 450 to 950 m ahead of the closure, as after a sign: none is in the lane over its last 400 m."""
 
     def early(number: int) -> Callable[[FloatArray], FloatArray]:
         at = 1300.0 - 450.0 - 500.0 * np.random.default_rng([3, number]).random()

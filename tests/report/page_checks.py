@@ -1,4 +1,4 @@
-"""What every page must keep for those who do not see it, or see it in another way: checks of its HTML, without a browser."""
+"""Accessibility of a page: checks of its HTML for screen readers, contrast and narrow screens, without a browser."""
 
 import re
 from collections import Counter

@@ -12,7 +12,7 @@ from wzsumo.work_zone import WorkZoneLayout
 PATH_STEP_M = 1.0  # of the places on the path that are looked at; a quarter of a vehicle
 REACH_M = 250.0  # of the path, and of vehicles: 8 s at 30 m/s
 DRIFT_S = 3.0  # for which a driver in a lane that ends is taken to drift on sideways; a move within a lane lasts less
-BRAKING_LASTS_S = 2.0  # for which a driver who brakes is taken to brake on; a lamp's message is not longer
+BRAKING_LASTS_S = 2.0  # for which a braking vehicle is taken to brake on, then to keep its speed. Chosen by us
 
 # With which drivers brake when a light turns yellow: ITE, Traffic Engineering Handbook, 10 ft/s2.
 YELLOW_DECELERATION_MPS2 = 3.0

@@ -58,28 +58,44 @@ class ClosurePrior:
         return float(np.log(p / (1 - p)))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sight:
+    """A fit to its observations, with the ground `driven` (traces, stations, lanes) and where vehicles are `slow`."""
+
+    fit: LaneFit
+    observations: Observations
+    driven: FloatArray
+    slow: BoolArray
+
+
+def _sight(fit: LaneFit, observations: Observations, slow: BoolArray) -> _Sight:
+    return _Sight(fit=fit, observations=observations, driven=lanes_driven(fit, observations), slow=slow)
+
+
 def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[LaneFit, list[list[Closure]]]:
     """The closures of each lane, and the fit that knows of them: one, the announced where one is, and those likely beside it.
 
     Where some traces seem to drive in a lane that others avoid, the traces are fitted again with that lane closed: they may be
     of receivers that err by a lane.
     """
+    sight = _sight(fit, observations, slow_stretches(observations))
     first = []
     for lane in range(fit.setting.n_lanes):
-        closure, log_odds = _as_seen(lane, fit, observations, prior)
-        good, _ = _evidence(lane, fit, observations, prior, witness=np.where(fit.sigma < MIN_DOUBTFUL_SIGMA_M, 1.0, 0.0))
-        if log_odds > LEAST_LOG_ODDS and _users_may_err(lane, good, fit, observations):
-            closed, doubted, doubted_log_odds = _doubted(lane, good, fit, observations, prior)
+        interval, log_ratio = _evidence(lane, sight, prior)
+        log_odds = prior.log_odds(lane) + log_ratio
+        good, _ = _evidence(lane, sight, prior, witness=np.where(sight.fit.sigma < MIN_DOUBTFUL_SIGMA_M, 1.0, 0.0))
+        if log_odds > LEAST_LOG_ODDS and _users_may_err(lane, good, sight):
+            closed, doubted, doubted_log_odds = _doubted(lane, good, sight, prior)
             log_odds = max(log_odds, doubted_log_odds)
             if log_odds > 0:
-                fit, closure = closed, doubted
-        first.append(_closure(closure, log_odds))
-    return fit, [_with_others(lane, closure, fit, observations) for lane, closure in enumerate(first)]
+                sight, interval = closed, doubted
+        first.append(_closure(interval, log_odds))
+    return sight.fit, [_with_others(lane, closure, sight) for lane, closure in enumerate(first)]
 
 
-def _with_others(lane: int, closure: Closure, fit: LaneFit, observations: Observations) -> list[Closure]:
+def _with_others(lane: int, closure: Closure, sight: _Sight) -> list[Closure]:
     """A closure, and others of its lane, each where the others are not."""
-    others = _beside(lane, closure, slice(0, len(observations.stations)), fit, observations)
+    others = _beside(lane, closure, slice(0, len(sight.observations.stations)), sight)
     interval = closure.interval.copy()
     for other in others:
         first, last = _likeliest(other.interval)
@@ -91,7 +107,7 @@ def _closure(interval: FloatArray, log_odds: float) -> Closure:
     return Closure(p_closed=float(1 / (1 + np.exp(-np.clip(log_odds, -50, 50)))), interval=interval)
 
 
-def _beside(lane: int, closure: Closure, within: slice, fit: LaneFit, observations: Observations) -> list[Closure]:
+def _beside(lane: int, closure: Closure, within: slice, sight: _Sight) -> list[Closure]:
     """Closures that are likelier than not, nothing being announced, ahead of one that is and behind it, `within` stations.
 
     Between two closures vehicles drove in the lane.
@@ -100,16 +116,16 @@ def _beside(lane: int, closure: Closure, within: slice, fit: LaneFit, observatio
         return []
     unannounced, found = ClosurePrior(), []
     e, b = _likeliest(closure.interval)
-    used = np.flatnonzero(lanes_driven(fit, observations)[:, :, lane].sum(axis=0) >= 1)  # else it is one closure, and longer
+    used = np.flatnonzero(sight.driven[:, :, lane].sum(axis=0) >= 1)  # else it is one closure, and longer
     ahead, behind = used[(used >= within.start) & (used < e)], used[(used > b) & (used < within.stop)]
     parts = [slice(within.start, int(ahead.max()))] if len(ahead) else []
     parts += [slice(int(behind.min()) + 1, within.stop)] if len(behind) else []
     for part in parts:
-        if (part.stop - part.start) * observations.spacing > SHORTEST_CLOSURE_M:
-            interval, log_ratio = _evidence(lane, fit, observations, unannounced, part=part)
+        if (part.stop - part.start) * sight.observations.spacing > SHORTEST_CLOSURE_M:
+            interval, log_ratio = _evidence(lane, sight, unannounced, part=part)
             other = _closure(interval, unannounced.log_odds(lane) + log_ratio)
             if other.p_closed > 0.5:
-                found += [other, *_beside(lane, other, part, fit, observations)]
+                found += [other, *_beside(lane, other, part, sight)]
     return found
 
 
@@ -119,17 +135,12 @@ def log_closing(fit: LaneFit, observations: Observations) -> float:
     A chain of lanes prices each vehicle that leaves a closed lane as a lane change of its own. What it knows already does not
     count again: how seldom a lane is entered. Nor do changes to lanes farther out, as on the way to an exit.
     """
-    driven = lanes_driven(fit, observations)
+    sight = _sight(fit, observations, slow_stretches(observations))
+    inside = [_lanes_inside(lane, fit.setting.n_lanes) for lane in range(fit.setting.n_lanes)]
     ratios = np.array(
         [
-            _evidence(
-                lane,
-                fit,
-                observations,
-                ClosurePrior(),
-                left_to=driven[:, :, _lanes_inside(lane, fit.setting.n_lanes)].sum(axis=2),
-            )[1]
-            for lane in range(fit.setting.n_lanes)
+            _evidence(lane, sight, ClosurePrior(), left_to=sight.driven[:, :, others].sum(axis=2))[1]
+            for lane, others in enumerate(inside)
         ]
     )
     return float(np.logaddexp(np.log(1 - P_CLOSED), np.log(P_CLOSED) + ratios).sum())
@@ -141,28 +152,21 @@ def _lanes_inside(lane: int, n_lanes: int) -> list[int]:
     return [k for k in (lane - 1, lane + 1) if 0 <= k < n_lanes and abs(k - centre) <= max(abs(lane - centre), 1.0)]
 
 
-def _as_seen(lane: int, fit: LaneFit, observations: Observations, prior: ClosurePrior) -> tuple[FloatArray, float]:
-    """(posterior (stations, stations) of [e, b], log odds of closed) from the lanes that traces seem to drive in."""
-    interval, log_ratio = _evidence(lane, fit, observations, prior)
-    return interval, prior.log_odds(lane) + log_ratio
-
-
-def _users_may_err(lane: int, interval: FloatArray, fit: LaneFit, observations: Observations) -> bool:
+def _users_may_err(lane: int, interval: FloatArray, sight: _Sight) -> bool:
     """Whether some traces seem to drive in a likely closure, few of those that pass, and of receivers that err by a lane."""
     e, b = _likeliest(interval)
-    seen = observations.eta[:, e : b + 1].max(axis=1) > 0
-    users = np.where(seen, lanes_driven(fit, observations)[:, e : b + 1, lane].max(axis=1), 0.0)
-    sigma = float((users * fit.sigma).sum() / max(users.sum(), 1e-9))
+    seen = sight.observations.eta[:, e : b + 1].max(axis=1) > 0
+    users = np.where(seen, sight.driven[:, e : b + 1, lane].max(axis=1), 0.0)
+    sigma = float((users * sight.fit.sigma).sum() / max(users.sum(), 1e-9))
     return sigma > MIN_DOUBTFUL_SIGMA_M and MIN_DOUBTFUL_USERS < users.sum() < MAX_DOUBTFUL_SHARE * seen.sum()
 
 
-def _doubted(
-    lane: int, interval: FloatArray, fit: LaneFit, observations: Observations, prior: ClosurePrior
-) -> tuple[LaneFit, FloatArray, float]:
+def _doubted(lane: int, interval: FloatArray, sight: _Sight, prior: ClosurePrior) -> tuple[_Sight, FloatArray, float]:
     """(fit, posterior of [e, b], log odds of closed) with the lane held to be closed, first where `interval` has it likeliest.
 
     Fit and interval are found in turns: a trace that is held to drive in the lane hides the rest of a closure.
     """
+    fit, observations = sight.fit, sight.observations
     closed, tried = fit, []
     for _ in range(DOUBT_TURNS):
         at = _likeliest(interval)
@@ -177,10 +181,11 @@ def _doubted(
         )
         ratio = (1 - SEEMING_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 0))
         follows = ratio / (ratio + SEEMING_SHARE)
-        interval, log_ratio = _evidence(lane, closed, observations, prior, witness=follows)
+        seen_closed = _sight(closed, observations, sight.slow)
+        interval, log_ratio = _evidence(lane, seen_closed, prior, witness=follows)
         first = np.log(FIRST_SEEMING_FACTOR) * min(float((1 - follows).sum()), 1.0)
         log_odds = prior.log_odds(lane) + float(np.log(ratio + SEEMING_SHARE).sum()) + first + log_ratio
-        tried.append((closed, interval, log_odds))
+        tried.append((seen_closed, interval, log_odds))
         if _likeliest(interval) == at:
             break
     return max(tried, key=lambda one: one[2])
@@ -193,8 +198,7 @@ def _likeliest(interval: FloatArray) -> tuple[int, int]:
 
 def _evidence(
     lane: int,
-    fit: LaneFit,
-    observations: Observations,
+    sight: _Sight,
     prior: ClosurePrior,
     *,
     witness: FloatArray | float = 1.0,
@@ -205,11 +209,12 @@ def _evidence(
 
     `witness` (traces,) is the weight of each trace; `part` are the stations within which the lane may be closed.
     """
+    fit, observations = sight.fit, sight.observations
     evidence = interval_evidence(
-        lanes_driven(fit, observations)[:, part, lane],
+        sight.driven[:, part, lane],
         observations.eta[:, part] > 0,
         visibility=witness * (1 - fit.stray) / (1 + (2 * fit.sigma / fit.course.width) ** 2),
-        seeming=np.where(slow_stretches(observations)[:, part], SEEMING_SHARE_OF_SLOW, SEEMING_SHARE),
+        seeming=np.where(sight.slow[:, part], SEEMING_SHARE_OF_SLOW, SEEMING_SHARE),
         spacing=observations.spacing,
         changes_per_m=_lane_changes_per_m(fit, observations),
         left_to=left_to,

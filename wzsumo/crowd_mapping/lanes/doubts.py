@@ -6,7 +6,7 @@ from wzsumo.crowd_mapping.lanes.course import Course
 from wzsumo.crowd_mapping.lanes.fit import LaneFit
 from wzsumo.crowd_mapping.lanes.observations import Observations
 from wzsumo.crowd_mapping.lanes.witnesses import lanes_driven
-from wzsumo.frames import BoolArray
+from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import FREE_THRESHOLD, OCCUPIED_THRESHOLD
 from wzsumo.lane_map import MappedBranch, MappedLane
 
@@ -40,6 +40,15 @@ def said_of_explained(explained: float) -> list[str]:
     return [
         f"lanes explain {explained:.0%} of what was driven: they are laid where vehicles drove, and whether some of these "
         "drove beside them cannot be told"
+    ]
+
+
+def said_of_count(there: FloatArray) -> list[str]:
+    """What is said of lanes that may not be there, by the probability (lanes,) of each."""
+    return [
+        f"lane {number} (0 = rightmost) may not be there (probability that it is: {p:.2f}): its receivers may err"
+        for number, p in enumerate(there)
+        if p < 1 - FREE_THRESHOLD
     ]
 
 

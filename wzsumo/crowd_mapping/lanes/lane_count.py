@@ -13,8 +13,9 @@ from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, 
 from wzsumo.frames import FloatArray
 
 MAX_LANES = 6
-# 12 ft on freeways, 10 to 12 ft on other roads (AASHTO Green Book): 12, 11 and 10 ft with 0.80, 0.15 and 0.05, chosen by us
-LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.58, 0.16
+# Widths of lanes on urban interstates, freeways, principal and minor arterials, these four alike: 12 ft and more 84.8 %, 11 ft
+# 8.6 %, 10 ft 5.6 %, less 1 % (FHWA, Conditions and Performance 2002, Exhibit 3-15: HPMS of 2000)
+LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.59, 0.18
 MIN_USERS = 1.5  # of an outer lane: one trace adds no lane
 LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3

@@ -9,7 +9,7 @@ import pandas as pd
 from wzsumo.crowd_mapping.cleaning.station_table import percentile_85_speed
 from wzsumo.crowd_mapping.lanes.branches import find_branches
 from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closures, p_open_strips, slow_stretches
-from wzsumo.crowd_mapping.lanes.doubts import said_of_explained, said_of_lanes, said_of_shift, said_of_traces
+from wzsumo.crowd_mapping.lanes.doubts import said_of_count, said_of_explained, said_of_lanes, said_of_shift, said_of_traces
 from wzsumo.crowd_mapping.lanes.fit import LaneFit
 from wzsumo.crowd_mapping.lanes.lane_count import fit_lane_count
 from wzsumo.crowd_mapping.lanes.observations import Observations, observe
@@ -59,6 +59,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
         *(said_of_shift(fit.course, has_road=before is not None, removed=removed)),
         *overruled,
         *unexplained,
+        *said_of_count(there),
         *said_of_lanes(lanes, fit, observations, branches=branches),
         *odd_words,
     )
