@@ -82,6 +82,8 @@ def shown(value: object) -> str:
     >>> shown("taper")
     "'taper'"
     """
+    if type(value).__module__ == "numpy" and hasattr(value, "item"):
+        value = value.item()
     try:
         text = _SHOWN.repr(value)
     except ValueError:  # a whole number of more digits than Python writes out

@@ -6,7 +6,7 @@ A trace table has one row per fix. The point (x_m, y_m) is the vehicle's CENTRE,
 import numpy as np
 import pandas as pd
 
-from wzsumo.errors import TraceError
+from wzsumo.errors import TraceError, shown
 from wzsumo.frames import FloatArray
 
 TRACE_COLUMNS = ("vehicle_id", "time_s", "x_m", "y_m")  # needed for a map
@@ -45,8 +45,9 @@ def _finite(column: pd.Series, *, source: str) -> FloatArray:
     )
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
+        first = shown(column.astype(object).iloc[bad[0]])
         raise TraceError(
-            f"{source}: {column.name} of row {bad[0]} is {column.astype(object).iloc[bad[0]]!r}; every value must be a finite "
+            f"{source}: {column.name} of row {bad[0]} is {first}; every value must be a finite "
             f"number ({bad.size} of {len(column)} rows are not; drop or repair them)"
         )
     return np.asarray(values)

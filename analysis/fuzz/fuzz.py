@@ -4,7 +4,8 @@
 
 Input N of seed S is the same in every run: --only N makes it again and shows what it says. An input passes where it ends
 with 0, or with 2 and a line of printable characters a mistake, within 60 s of processor time and 4 GiB of address space beyond
-what the start takes, and leaves nothing half-written. Everything else is kept in OUT/failures.
+what the start takes, and leaves nothing half-written. Everything else is kept in OUT/failures; OUT/said.txt
+has a line an input, to be read for wrong words.
 """
 
 import argparse
@@ -24,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from inputs import KINDS, REPOSITORY
+from trace_inputs import drives
 
 LIMIT_S, LIMIT_BYTES = 60, 4 * 2**30
 MAX_SAID = 21 * 4200  # characters of 20 mistakes and of the line that counts the others
@@ -45,7 +47,10 @@ def main() -> None:
 
 def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = False) -> list[tuple[Any, ...]]:
     """Rows (kind, ending, inputs, largest memory MB, longest s), written to OUT/counts.csv; failures to OUT/failures."""
-    import wzsumo.commands.layout  # everything that commands load, once, before the processes part
+    import wzsumo.commands.export  # everything that commands load, once, before the processes part
+    import wzsumo.commands.init
+    import wzsumo.commands.layout
+    import wzsumo.commands.live
     import wzsumo.commands.map
     import wzsumo.commands.place
     import wzsumo.commands.run
@@ -64,6 +69,8 @@ def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = 
             counts[name, ending] += 1
             before = most.get((name, ending), (0.0, 0.0))
             most[name, ending] = max(before[0], used[0]), max(before[1], used[1])
+            with (out / "said.txt").open("a", encoding="utf-8", errors="replace") as file:
+                file.write(f"{number} {name}, {ending}: {' '.join(said.splitlines()[2:])[-300:]}\n")
             if tells or ending not in {"done", "refused"}:
                 (out / "failures" / f"{seed}_{number}.txt").write_text(
                     f"{name}: {ending}\n{said}", encoding="utf-8", errors="replace"
@@ -88,9 +95,13 @@ def _templates(base: Path, kinds: list[str]) -> dict[str, Path]:
     """Folders that kinds of input begin with: a run's, a study's, a layout's; made where they are not there yet."""
     base.mkdir(exist_ok=True)
     found = {}
-    for name, folder in (("run's folder", "run"), ("study's folder", "study"), ("lanes", "layout")):
+    made = (("run's folder", "run"), ("study's folder", "study"), ("lanes", "layout"), ("live", "stream"))
+    for name, folder in made:
         target = found[name] = base / folder
         if target.exists() or name not in kinds:
+            continue
+        if folder == "stream":
+            _make_stream(target)
             continue
         words = {
             "run": ["run", _small_scenario(base), "--method", "swept", "--out", str(target)],
@@ -100,6 +111,18 @@ def _templates(base: Path, kinds: list[str]) -> dict[str, Path]:
         code, said, _ = _in_process(words, limits=False)
         assert code == 0, said
     return found
+
+
+def _make_stream(target: Path) -> None:
+    """A map of traces, and the folder of a live map that took the same traces."""
+    target.mkdir()
+    drives(random.Random(7)).to_csv(target / "traces.csv", index=False)
+    for words in (
+        ["map", str(target / "traces.csv"), "--out", str(target / "map")],
+        ["live", str(target / "traces.csv"), "--map", str(target / "map"), "--out", str(target / "live")],
+    ):
+        code, said, _ = _in_process(words, limits=False)
+        assert code == 0, said
 
 
 def _small_scenario(base: Path) -> str:
@@ -162,7 +185,9 @@ def _in_process(words: list[str], *, limits: bool, cwd: Path | None = None) -> t
             code = 70
             try:
                 os.setsid()
-                os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+                given = cwd / "stdin" if cwd is not None and (cwd / "stdin").is_file() else Path(os.devnull)
+                os.dup2(os.open(given, os.O_RDONLY), 0)
+                sys.stdin = io.TextIOWrapper(os.fdopen(0, "rb"))
                 os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
                 os.dup2(said.fileno(), 2)
                 sys.stdout, sys.stderr = (

@@ -209,6 +209,6 @@ def test_disk_that_fills_up_while_sumo_writes_is_told_in_one_line_and_nothing_is
     _, err = process.communicate()
     told = err.decode().replace("\r", "\n").splitlines()
     assert process.returncode == 2, told
-    assert told[-1].startswith(f"wzsumo: {tmp_path / 'out'}: the disk is full; nothing was changed there")
+    assert told[-1].startswith(f"wzsumo: {tmp_path / 'out'}: the disk is full; what was there stays")
     assert b"Traceback" not in err
     assert [path.name for path in tmp_path.rglob("*")] == ["tmp"]

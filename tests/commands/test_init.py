@@ -156,3 +156,20 @@ def test_event_that_makes_no_scenario_is_refused_by_its_id(
     assert said in err
     assert f"{feed}#e1" in err
     assert not (tmp_path / "zone.toml").exists()
+
+
+def test_what_a_feed_says_stays_in_the_comments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    feed = feed_file(tmp_path / "feed.geojson", lanes=LEFT_CLOSED, reduced_speed_limit_kph=88.514)
+    content = json.loads(feed.read_text())
+    content["features"][0]["properties"]["core_details"]["road_names"] = ["I-80\nname = 'mine'\ud800"]
+    feed.write_text(json.dumps(content))
+    code, _, said = init(capsys, "--from", f"{feed}#e1", "--out", tmp_path / "z.toml")
+    assert code == 0, said
+    assert load_scenario(tmp_path / "z.toml").name == "wzdx_e1"
+
+
+def test_names_that_no_scenario_can_have_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("x" * 300, "scenario.schema.json", "."):
+        code, _, said = init(capsys, "paper", "--out", tmp_path / name)
+        assert (code, said.count("\n")) == (2, 1), said
+    assert list(tmp_path.iterdir()) == []

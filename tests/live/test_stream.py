@@ -1,10 +1,13 @@
 """The stream and its folder: order, twice, kills, and input that does not belong together."""
 
+import io
 import json
+import shutil
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +18,9 @@ from wzsumo.cli import main
 from wzsumo.errors import MapError, TraceError
 from wzsumo.files.lanes import LanesFile, write_lanes
 from wzsumo.live.live_map import live_map, with_trace
+from wzsumo.live.stream import replay
 from wzsumo.live.stream.arrivals import AS_THEY_ARE, arrivals_of, followed, replayed, streamed
+from wzsumo.live.stream.log_folder import open_folder
 from wzsumo.live.stream.state_file import read_state, state_bytes
 from wzsumo.live.trace.reading import read_trace
 
@@ -201,3 +206,106 @@ def test_a_faulty_row_names_file_and_row(tmp_path: Path) -> None:
     faulty.loc[3, "x_m"] = np.nan
     with pytest.raises(TraceError, match="x_m of row 3"):
         arrivals_of(faulty, source="a.csv")
+
+
+def refused(capsys: pytest.CaptureFixture[str], *argv: str) -> str:
+    code, _, said = run(capsys, *argv)
+    assert (code, said.count("\n")) == (2, 1), said
+    return said
+
+
+def test_files_of_others_are_never_removed(inputs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "versions").mkdir()
+    (tmp_path / "versions" / "thesis.txt").write_text("mine")
+    assert "holds versions, but no state.zip" in refused(capsys, *words(inputs, tmp_path))
+    assert (tmp_path / "versions" / "thesis.txt").read_text() == "mine"
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "alarms.jsonl").write_text("mine")
+    assert "holds alarms.jsonl, but no state.zip" in refused(capsys, *words(inputs, tmp_path / "b"))
+    assert (tmp_path / "b" / "alarms.jsonl").read_text() == "mine"
+    (tmp_path / "c").mkdir()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "c" / "versions").symlink_to(tmp_path / "mine")
+    assert "is a link" in refused(capsys, *words(inputs, tmp_path / "c"))
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
+def test_map_and_result_are_different_folders(inputs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = files_of(inputs / "map")
+    assert "is the folder of --map" in refused(capsys, *words(inputs, inputs / "map"))
+    assert files_of(inputs / "map") == before
+
+
+def test_a_damaged_folder_is_refused_or_used_and_nothing_beside_it_changes(
+    inputs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, outside = tmp_path / "whole", tmp_path / "outside.txt"
+    assert run(capsys, *words(inputs, whole))[0] == 0
+    outside.write_text("not of the live map")
+    for name in (
+        "state.zip",
+        "alarms.jsonl",
+        "versions.jsonl",
+        "evidence.f4",
+        "versions/000002/lanes.parquet",
+        "lanes.geojson",
+    ):
+        for how in ("gone", "empty", "folder"):
+            out = tmp_path / "damaged"
+            shutil.copytree(whole, out)
+            (out / name).unlink()
+            if how == "folder":
+                (out / name).mkdir()
+            elif how == "empty":
+                (out / name).write_bytes(b"")
+            code, _, said = run(capsys, *words(inputs, out))
+            if name != "lanes.geojson" or how == "folder":  # that one is written anew
+                assert (code, said.count("\n")) == (2, 1), (name, how, said)
+            shutil.rmtree(out)
+    live, about = read_state((whole / "state.zip").read_bytes(), source="state.zip")
+    about["sizes"] |= {"../outside.txt": 3}
+    (whole / "state.zip").write_bytes(state_bytes(live, about))
+    run(capsys, *words(inputs, whole))
+    assert outside.read_text() == "not of the live map"
+
+
+def test_one_command_at_a_time_writes_to_a_folder(inputs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with open_folder(tmp_path / "out", inputs / "map"):
+        assert "another command is writing there" in refused(capsys, *words(inputs, tmp_path / "out"))
+
+
+def test_a_terminated_run_loses_no_trace(
+    inputs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(capsys, *words(inputs, tmp_path / "whole"))
+    calls = iter(range(1000))
+
+    def terminated(*args: Any) -> Any:
+        if next(calls) == 50:
+            signal.raise_signal(signal.SIGTERM)  # while a trace is taken
+        return with_trace(*args)
+
+    monkeypatch.setattr(replay, "with_trace", terminated)
+    code, _, said = run(capsys, *words(inputs, tmp_path / "stopped"))
+    assert (code, "interrupted" in said) == (143, True)
+    code, lines, _ = run(capsys, *words(inputs, tmp_path / "stopped"))
+    assert (code, lines[-1]["traces"], lines[-1]["twice"]) == (0, 160, 0)
+    assert files_of(tmp_path / "stopped") == files_of(tmp_path / "whole")
+
+
+@pytest.mark.parametrize(
+    ("lines", "words_of_it"),
+    [
+        (b"vehicle_id,time_s,x_m,y_m\na,0,1,2\na,1,2\n", "has 3 columns, the first line 4"),
+        (b"\xff\xfe\x00v", "is no text in UTF-8"),
+        (b"", "is empty"),
+        (b"vehicle_id,time_s,x_m,y_m\na,0,1,\0\n", "standard input: "),
+        (b"vehicle_id,time_s,x_m,y_m\na,0,1," + b"9" * 200_000 + b"\n", "standard input: "),
+    ],
+)
+def test_a_stream_that_is_no_table_is_told(
+    inputs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, lines: bytes,
+    words_of_it: str,
+) -> None:  # fmt: skip
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(lines)))
+    assert words_of_it in refused(capsys, "live", "-", "--map", str(inputs / "map"), "--out", str(tmp_path / "out"))

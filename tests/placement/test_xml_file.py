@@ -82,3 +82,22 @@ def test_files_that_are_no_plain_xml_are_refused_by_name(content: bytes, words: 
     with pytest.raises(PlacementError, match=words) as refused:
         children(XmlFile.read(path, role="the network"))
     assert str(path) in str(refused.value)
+
+
+def test_a_rule_that_stumbles_names_file_line_and_element() -> None:
+    def whole_number(element: Element) -> None:
+        int(element.get("lane", "0"))
+
+    file = file_of(b'<routes>\n<trip id="a" lane="1"/>\n<trip id="b\x1b" lane="free"/>\n</routes>'.replace(b"\x1b", b""))
+    with pytest.raises(PlacementError, match=r"some\.xml: line 3, <trip> b: .*invalid literal for int"):
+        file.root_and_children(whole_number)
+
+
+def test_elements_that_nest_without_end_are_refused() -> None:
+    with pytest.raises(PlacementError, match=r"some\.xml: line 1: elements nest more than 100 deep"):
+        children(file_of(b"<net>" + b"<a>" * 5000 + b"</a>" * 5000 + b"</net>"))
+
+
+def test_an_encoding_that_is_not_known_is_refused() -> None:
+    with pytest.raises(PlacementError, match=r"some\.xml: "):
+        children(file_of(b'<?xml version="1.0" encoding="klingon"?><net/>'))

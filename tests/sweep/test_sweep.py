@@ -249,7 +249,7 @@ def test_full_disk_is_named_and_costs_only_what_could_not_be_written(tmp_path: P
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (3000, hard))
     try:
-        with pytest.raises(OutputError, match="a file would be too large; nothing was changed there: make room"):
+        with pytest.raises(OutputError, match="a file would be too large; what was there stays: make room"):
             sweep(a_study(seed=[1, 2]), tmp_path)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

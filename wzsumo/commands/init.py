@@ -11,9 +11,9 @@ from typing import Any
 import tomli_w
 
 from wzsumo.commands.terminal.words import lines_of
-from wzsumo.errors import FeedError, OutputError, SpecError
+from wzsumo.errors import FeedError, OutputError, SpecError, one_line
 from wzsumo.feeds.road_event import RoadEvent, read_feed, road_event, road_events, split_event
-from wzsumo.files.output import write_whole
+from wzsumo.files.output import staged_folder
 from wzsumo.scenario.from_feed import scenario_of_event
 from wzsumo.scenario.keys import json_schema
 from wzsumo.scenario.library import NETWORKS, STUDIES, ZONES, library_file, library_files, purpose
@@ -49,19 +49,21 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     out = _free(args.out or Path(f"{args.zone}.toml"))
     is_study = source in library_files(STUDIES).values()
     files = _files_of_study(source, out) if is_study else _files_of_scenario(source, out)
-    _write_new(files)
+    _write_new(out, files)
     kind = "study" if is_study else "scenario"
     return {"file": str(out), kind: args.zone, "beside": [str(path) for path in files if path != out]}
 
 
-def _write_new(files: dict[Path, bytes]) -> None:
-    """Write files, none of which may be there, but for a schema, which is kept. Raises OutputError before any is written."""
+def _write_new(out: Path, files: dict[Path, bytes]) -> None:
+    """Write `out` and the files beside it together; none may be there, but for a schema, which is kept. Raises OutputError."""
     for path in files:
-        if path.name not in SCHEMAS:
+        if path.name not in SCHEMAS or path == out:
             _free(path)
-    for path, content in files.items():
-        if not path.exists():
-            write_whole(path, content)
+    new = {path.relative_to(out.parent): content for path, content in files.items() if not os.path.lexists(path)}
+    with staged_folder(out.parent, files=[str(path) for path in new]) as stage:
+        for path, content in new.items():
+            (stage / path).parent.mkdir(exist_ok=True)
+            (stage / path).write_bytes(content)
 
 
 def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
@@ -119,8 +121,8 @@ def _from_feed(name: str, out: Path | None) -> dict[str, Any]:
     for title_of, words in (("The feed says:", said), ("It leaves open, and this was assumed:", assumed)):
         lines += [f"# {title_of}", *(f"#   {word}" for word in words)]
     lines.append(f"#:schema ./{SCHEMAS[0]}")
-    text = "\n".join(lines) + "\n" + tomli_w.dumps(content)
-    _write_new({target: text.encode(), target.parent / SCHEMAS[0]: _schema_text(Scenario)})
+    text = "\n".join(map(one_line, lines)) + "\n" + tomli_w.dumps(content)  # names of the feed may hold line ends
+    _write_new(target, {target: text.encode(), target.parent / SCHEMAS[0]: _schema_text(Scenario)})
     return {"file": str(target), "event": event.id, "said": said, "assumed": assumed}
 
 
@@ -133,6 +135,8 @@ def _only_zone(events: list[RoadEvent], faults: list[str], path: Path) -> RoadEv
 
 
 def _free(path: Path) -> Path:
-    if os.path.lexists(path):  # of a name that cannot be, `write_whole` says why
+    if path.name in {"", "..", *SCHEMAS}:
+        raise OutputError(f"--out {path}: is no name of a scenario's file; name one, such as mine.toml")
+    if os.path.lexists(path):  # of a name that cannot be, `staged_folder` says why
         raise OutputError(f"--out {path}: is there already; name another file, or move it")
     return path

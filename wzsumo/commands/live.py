@@ -3,17 +3,19 @@
 import argparse
 import json
 import sys
+from io import TextIOWrapper
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from wzsumo.commands.terminal.arguments import add_out_folder, add_reading, column_names, number
 from wzsumo.errors import SpecError
 from wzsumo.files.fixes.tables import table_files
-from wzsumo.files.lanes import LanesFile, read_lanes, write_lanes
+from wzsumo.files.lanes import LANES_FILE, LanesFile, read_lanes, write_lanes
+from wzsumo.files.output import staged_folder
 from wzsumo.live.stream.arrivals import Reading
 from wzsumo.live.stream.log_folder import LiveFolder, open_folder
 from wzsumo.live.stream.replay import follow_folder, follow_stream, replay_files
-from wzsumo.report.live_page import write_live_page
+from wzsumo.report.live_page import PAGE, write_live_page
 
 MORE = """\
 TRACES are files or folders as `wzsumo map` takes them, or - for lines of .csv on standard input. They are replayed in order of
@@ -49,24 +51,26 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         raise SpecError("--idle-s: says when to stop waiting; give it with --follow")
     if args.follow and not (len(args.traces) == 1 and args.traces[0].is_dir()):
         raise SpecError("--follow: waits for files in one folder; name that folder alone")
+    if args.out.resolve() in {args.map.resolve(), args.map.resolve().parent}:
+        raise SpecError(f"--out {args.out}: is the folder of --map, whose lanes would be overwritten; name another folder")
     content = read_lanes(args.map)
     reading = Reading(columns=column_names(args.columns), crs=args.crs, frame=content.frame)
     stream = [str(path) for path in args.traces] == ["-"]
     files = [] if stream or args.follow else [file for path in args.traces for file in table_files(path)]
-    folder = open_folder(args.out, args.map)
     half_life_s = 3600 * args.half_life_h
-    try:
-        if stream:
-            follow_stream(folder, sys.stdin, reading, half_life_s=half_life_s, tell=_teller(args))
-        elif args.follow:
-            follow_folder(folder, args.traces[0], reading, idle_s=args.idle_s, half_life_s=half_life_s, tell=_teller(args))
-        else:
-            replay_files(folder, files, reading, half_life_s=half_life_s, tell=_teller(args))
-    except KeyboardInterrupt:
-        folder.commit()
+    with open_folder(args.out, args.map) as folder:
+        try:
+            if stream:
+                follow_stream(folder, _standard_input(), reading, half_life_s=half_life_s, tell=_teller(args))
+            elif args.follow:
+                follow_folder(folder, args.traces[0], reading, idle_s=args.idle_s, half_life_s=half_life_s, tell=_teller(args))
+            else:
+                replay_files(folder, files, reading, half_life_s=half_life_s, tell=_teller(args))
+        except KeyboardInterrupt:
+            folder.commit()
+            _write_now(folder, half_life_s)
+            raise
         _write_now(folder, half_life_s)
-        raise
-    _write_now(folder, half_life_s)
     alarms = (args.out / "alarms.jsonl").read_text(encoding="utf-8").splitlines()
     return {
         "out": str(args.out), "traces": folder.counts["taken"], "versions": folder.live.version, "alarms": len(alarms),
@@ -80,9 +84,16 @@ def next_step(_figures: dict[str, Any], args: argparse.Namespace) -> str:
     return f"open {args.out / 'live.html'} in a browser"
 
 
+def _standard_input() -> TextIO:
+    if isinstance(sys.stdin, TextIOWrapper):
+        sys.stdin.reconfigure(encoding="utf-8-sig", errors="strict", newline="")  # whatever the terminal's own is
+    return sys.stdin
+
+
 def _write_now(folder: LiveFolder, half_life_s: float) -> None:
     lanes = folder.live.lanes_now(half_life_s=half_life_s)
-    write_lanes(LanesFile(lanes=lanes, frame=folder.frame, utc=folder.utc), folder.path)
+    with staged_folder(folder.path, files=(LANES_FILE, PAGE)) as stage:
+        write_lanes(LanesFile(lanes=lanes, frame=folder.frame, utc=folder.utc), stage)
     write_live_page(folder.path, folder.live)
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
 
-_NO_ROOM = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the quota is used up", errno.EFBIG: "a file would be too large"}
+NO_ROOM = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the quota is used up", errno.EFBIG: "a file would be too large"}
 
 
 @contextmanager
@@ -31,13 +31,13 @@ def staged_folder(out: Path, *, files: Sequence[str] = ()) -> Iterator[Path]:
     """
     with ExitStack() as at_end:
         at_end.callback(_remove_if_empty, _missing_folders(out))
-        with _refusals(out):
+        with writing_to(out):
             out.mkdir(parents=True, exist_ok=True)
             _refuse_in_the_way(out, [(Path(name), False) for name in files])
             stage = at_end.enter_context(work_folder(out))
-        with _refusals(out, only=_NO_ROOM):
+        with writing_to(out, only=NO_ROOM):
             yield stage
-        with _refusals(out), _uninterrupted():
+        with writing_to(out), uninterrupted():
             _move(stage, out)
 
 
@@ -85,6 +85,42 @@ def parquet_bytes(table: "pa.Table") -> bytes:
     return buffer.getvalue()
 
 
+@contextmanager
+def writing_to(out: Path, *, only: Container[int] | None = None) -> Iterator[None]:
+    """Raise OutputError where the block cannot write to `out`: at every OSError, or at those with an errno in `only`."""
+    try:
+        yield
+    except (OSError, ValueError) as failed:  # ValueError: a NUL in the name
+        number = (failed.errno if isinstance(failed, OSError) else None) or 0
+        if only is not None and number not in only:
+            raise
+        if number in NO_ROOM:
+            raise OutputError(f"{out}: {NO_ROOM[number]}; what was there stays: make room and run it again") from None
+        reason = failed.strerror if isinstance(failed, OSError) else failed
+        raise OutputError(f"{out}: cannot be written to ({reason}); name a folder that you may write to") from None
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Hold back what signals that end a program do until the end of the block."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        came.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for first in came[:1]:
+            signal.raise_signal(first)
+
+
 def refuse_links(out: Path, folders: Iterable[str]) -> None:
     """Raise OutputError where one of the folders in `out` is a link or a file."""
     _refuse_in_the_way(out, [(Path(name), True) for name in folders])
@@ -105,21 +141,6 @@ def _remove_if_empty(folders: list[Path]) -> None:
     with suppress(OSError):  # one holds what was written
         for folder in folders:
             folder.rmdir()
-
-
-@contextmanager
-def _refusals(out: Path, *, only: Container[int] | None = None) -> Iterator[None]:
-    """OutputError in the place of an OSError, of every one or of those with an errno in `only`."""
-    try:
-        yield
-    except (OSError, ValueError) as failed:  # ValueError: a NUL in the name
-        number = (failed.errno if isinstance(failed, OSError) else None) or 0
-        if only is not None and number not in only:
-            raise
-        if number in _NO_ROOM:
-            raise OutputError(f"{out}: {_NO_ROOM[number]}; nothing was changed there: make room and run it again") from None
-        reason = failed.strerror if isinstance(failed, OSError) else failed
-        raise OutputError(f"{out}: cannot be written to ({reason}); name a folder that you may write to") from None
 
 
 def _refuse_in_the_way(out: Path, places: Iterable[tuple[Path, bool]]) -> None:
@@ -145,24 +166,3 @@ def _move(stage: Path, out: Path) -> None:
             (out / place).mkdir(exist_ok=True)
         else:
             path.replace(out / place)
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Hold back what signals that end a program do until the end of the block."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-
-    def note(number: int, _frame: FrameType | None) -> None:
-        came.append(number)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        for first in came[:1]:
-            signal.raise_signal(first)

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from wzsumo.errors import OutputError
+
 PREFIX = ".wzsumo-unfinished-"
 _NAME = re.compile(re.escape(PREFIX) + "[0-9a-f]{16}")
 
@@ -26,6 +28,24 @@ def work_folder(parent: Path) -> Iterator[Path]:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+        os.close(lock)
+
+
+@contextmanager
+def only_writer(folder: Path) -> Iterator[None]:
+    """Hold a folder's lock in the block. Raises OutputError where another process of `wzsumo` holds it."""
+    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the system releases it however this process ends
+        except BlockingIOError:
+            raise OutputError(
+                f"--out {folder}: another command is writing there; wait for its end or name another folder"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
         os.close(lock)
 
 

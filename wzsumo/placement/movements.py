@@ -154,7 +154,7 @@ def _quickest_routes(net: Net, trips: list[Trip], vehicle_class: str) -> Iterato
         return
     edges = [edge for edge in net.edges.values() if not edge.is_internal]
     number = {edge.id: n for n, edge in enumerate(edges)}
-    seconds = [edge.length / max(float(edge.lanes[-1].element.get("speed")), 0.1) for edge in edges]
+    seconds = [edge.length / max(edge.lanes[-1].speed, 0.1) for edge in edges]
     pairs = {
         (number[link.from_edge], number[link.to_edge])
         for link in net.connections

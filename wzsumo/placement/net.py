@@ -1,5 +1,6 @@
 """What the placement reads of a SUMO network: edges, lanes, connections and junctions, each with its place in the file."""
 
+import math
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from wzsumo.errors import PlacementError
+from wzsumo.errors import MAX_SHOWN, PlacementError, one_line
 from wzsumo.frames import FloatArray, arc_length
 from wzsumo.placement.xml_file import Element, XmlFile
 
@@ -46,6 +47,11 @@ class NetLane:
     def width(self) -> float:
         """Width [m]."""
         return float(self.element.get("width") or DEFAULT_LANE_WIDTH_M)
+
+    @property
+    def speed(self) -> float:
+        """Limit [m/s]; 0 where the file has none."""
+        return float(self.element.get("speed") or 0.0)
 
     @property
     def points(self) -> FloatArray:
@@ -140,6 +146,8 @@ class Net:
                 case "edge":
                     lanes = [lane for lane in element.children if lane.tag == "lane"]
                     edges[element.get("id")] = NetEdge(element, [NetLane(lane, i) for i, lane in enumerate(lanes)])
+                    for lane in edges[element.get("id")].lanes:
+                        _check_values(lane)
                 case "connection":
                     places["connections_begin"] = places["connections_begin"] or element.begin
                     lanes_ = int(element.get("fromLane", "0")), int(element.get("toLane", "0"))
@@ -151,6 +159,7 @@ class Net:
                     roundabouts.append(element)
                 case "location":
                     location.update(element.attributes)
+                    location["netOffset"] = ",".join(str(_finite(part)) for part in element.get("netOffset", "0,0").split(","))
 
         root = file.root_and_children(take)
         if root.tag != "net" or not edges or not connections:
@@ -159,6 +168,7 @@ class Net:
                 "connections); give the .net.xml that netconvert or netedit wrote"
             )
         _check_lanes(path, edges)
+        _check_links(path, edges, connections)
         return cls(
             file=file, edges=edges, connections=connections, junctions=junctions, roundabouts=roundabouts,
             location=location, **places,
@@ -233,6 +243,41 @@ def _check_lanes(path: Path, edges: dict[str, NetEdge]) -> None:
             raise PlacementError(
                 f"{path}: edge {edge.id!r} has no lanes with a length and a shape; a plain edge file is no network: build it "
                 "with netconvert"
+            )
+
+
+def _check_values(lane: NetLane) -> None:
+    """Raise ValueError where a lane that is there in full holds what is no number, or no line."""
+    values = lane.element.attributes
+    for key in ("length", "width", "speed"):
+        if values.get(key) and (value := _finite(values[key])) < 0:
+            raise ValueError(f"{key}={value:g} of lane {lane.id!r} is negative")
+    if values.get("shape"):
+        points = lane.points
+        if len(points) < 2 or not np.isfinite(points).all():
+            raise ValueError(f"the shape of lane {lane.id!r} is no line of two points or more")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"{text!r} is no finite number")
+    return value
+
+
+def _check_links(path: Path, edges: dict[str, NetEdge], connections: list[Connection]) -> None:
+    """Raise PlacementError where a connection is of a lane that is not there."""
+    lanes = {lane.id for edge in edges.values() for lane in edge.lanes}
+    for link in connections:
+        ends = ((link.from_edge, link.from_lane), (link.to_edge, link.to_lane))
+        if any(edge not in edges or not 0 <= lane < len(edges[edge].lanes) for edge, lane in ends) or (
+            link.via and link.via not in lanes
+        ):
+            shown = one_line(
+                f"{link.from_edge!r} lane {link.from_lane} to {link.to_edge!r} lane {link.to_lane}", limit=MAX_SHOWN
+            )
+            raise PlacementError(
+                f"{path}: the connection from {shown} is of a lane that the network has not; build it anew with netconvert"
             )
 
 

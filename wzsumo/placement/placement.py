@@ -68,7 +68,7 @@ def place_zone(net: Net, zone: ZoneToPlace, *, edge_id: str, position: float, si
     """
     edge, position = edge_at(net, edge_id, position)
     roadway = [lane for lane in edge.lanes if lane.is_roadway]
-    work_zone, doubts = zone.at_speed(float(roadway[-1].element.get("speed")) if roadway else 0.0)
+    work_zone, doubts = zone.at_speed(roadway[-1].speed if roadway else 0.0)
     work_zone = on_side(work_zone, side, n_lanes=len(roadway))
     corridor = _corridor(net, edge_id, position, work_zone, zone)
     layout = _lay_out(corridor, work_zone)

@@ -12,11 +12,15 @@ from typing import Self
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
-from wzsumo.errors import PlacementError
+from wzsumo.errors import MAX_SHOWN, PlacementError, one_line
 
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=<>/'"]+)\s*=\s*("[^"]*"|'[^']*')""")
 _TAG_NAME = re.compile(rb"<[^\s/>]+")
 _COMPRESSED = {b"\x1f\x8b": "gzip", b"PK": "zip", b"BZ": "bzip2", b"\xfd7": "xz"}  # first bytes of compressed files
+MAX_DEPTH = 100  # of elements within each other; SUMO's files nest ten deep at most
+MAX_SHOWN_TAG = 40  # letters of an element's name and id in a message
+# What a rule raises at an attribute that does not hold what SUMO writes there: words, no number, a lane that is not there.
+_UNREADABLE = (ValueError, LookupError, ArithmeticError, TypeError)
 _WIDE_ENCODINGS = (b"\xff\xfe", b"\xfe\xff")  # byte order marks of UTF-16
 
 
@@ -67,7 +71,8 @@ class XmlFile:
     def root_and_children(self, on_child: Callable[[Element], None]) -> Element:
         """The root element, without children; `on_child` is called with each element below it, complete, in order.
 
-        Raises PlacementError with line and column where the file is not XML.
+        Raises PlacementError with line and column where the file is not XML, and with the line of an element at which
+        `on_child` stumbles.
         """
         return _Reader(self, on_child).read()
 
@@ -89,9 +94,18 @@ class _Reader:
             raise PlacementError(
                 f"{self.file.path}: is not XML ({error}); give the file as SUMO's tools wrote it, whole"
             ) from None
+        except (LookupError, ValueError) as error:  # of an encoding that Python does not know
+            raise PlacementError(
+                f"{self.file.path}: cannot be read ({error}); save it as UTF-8, as SUMO writes its files"
+            ) from None
         return self.root or Element("", {}, 0)
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        if len(self.open_elements) >= MAX_DEPTH:
+            raise PlacementError(
+                f"{self.file.path}: line {self._parser.CurrentLineNumber}: elements nest more than {MAX_DEPTH} deep; give the "
+                "file as SUMO's tools wrote it"
+            )
         self.open_elements.append(Element(tag, attributes, self._parser.CurrentByteIndex))
 
     def _end(self, _tag: str) -> None:
@@ -104,9 +118,20 @@ class _Reader:
             self.root = element
         elif len(self.open_elements) == 1:
             self.open_elements[0].children = [element]  # the root keeps none but its last child
-            self.on_child(element)
+            self._take(element)
         else:
             self.open_elements[-1].children.append(element)
+
+    def _take(self, element: Element) -> None:
+        try:
+            self.on_child(element)
+        except _UNREADABLE as error:
+            name = one_line(f"<{element.tag}> {element.get('id')}", limit=MAX_SHOWN_TAG).strip()
+            line = self._parser.CurrentLineNumber
+            raise PlacementError(
+                f"{self.file.path}: line {line}, {name}: an attribute does not hold what SUMO reads there "
+                f"({one_line(str(error), limit=MAX_SHOWN)}); mend it, or write the file anew with SUMO's tools"
+            ) from None
 
 
 @dataclass(eq=False)

@@ -31,6 +31,7 @@ from wzsumo.sweep.study_file import Study, study_of
 DAMAGED_MANIFEST = "delete this file, then the sweep goes on with what is finished"
 FORMAT = 1  # version of the folder's layout
 MANIFEST = "study.json"
+OWN_HASH = "[0-9a-f]" * 16  # in the names of files, as `_hash` makes it
 FOLDERS = ("batches", "simulations")
 
 
@@ -45,7 +46,7 @@ class ResultStore:
     def finished(self) -> dict[str, dict[str, Any]]:
         """The rows of all finished cases, by the name of the case."""
         rows: dict[str, dict[str, Any]] = {}
-        for path in sorted((self._folder / "batches").glob("*.parquet")):
+        for path in sorted((self._folder / "batches").glob(f"{OWN_HASH}.parquet")):
             if (content := self._read_intact(path)) is not None:
                 rows |= {row["case"]: row for row in pq.read_table(io.BytesIO(content)).to_pylist()}
         return rows
@@ -57,7 +58,7 @@ class ResultStore:
 
     def simulated(self, simulation: str) -> bytes | None:
         """The content of a simulated fleet's file, None where the fleet must be simulated."""
-        for path in (self._folder / "simulations").glob(f"{simulation}.*.parquet"):
+        for path in (self._folder / "simulations").glob(f"{simulation}.{OWN_HASH}.parquet"):
             if (content := self._read_intact(path)) is not None:
                 path.touch()  # `trim` deletes the files that were used longest ago
                 return content
@@ -69,7 +70,8 @@ class ResultStore:
 
     def trim(self, *, keep: set[str]) -> None:
         """Delete fleets that are not in `keep`, those used longest ago first, until all together are within the size limit."""
-        files = sorted((self._folder / "simulations").glob("*.parquet"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
+        own = (self._folder / "simulations").glob(f"*.{OWN_HASH}.parquet")  # and nobody else's
+        files = sorted(own, key=lambda path: path.stat().st_mtime_ns, reverse=True)
         room = self._cache_limit_mb * 1e6
         for path in files:
             room -= path.stat().st_size

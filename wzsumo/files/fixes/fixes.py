@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from wzsumo.errors import TraceError
+from wzsumo.errors import TraceError, shown
 from wzsumo.files.fixes.coordinates import METRES_PER_UNIT, Placed, place_degrees, place_metres
 from wzsumo.files.fixes.dialects import Column, columns_of
 from wzsumo.files.fixes.speeds import SPEED_UNITS, Steps, steps_between, unit_of_ratio
@@ -121,7 +121,7 @@ def _times(raw: pd.DataFrame, found: dict[str, Column], *, source: str) -> Times
     if times is None:
         first = str(column.iloc[0])[:40]
         raise TraceError(
-            f"{source}: {column.name} of row 0 is {first!r}: neither seconds nor a date of a known form; give ISO 8601 as "
+            f"{source}: {column.name} of row 0 is {shown(first)}: neither seconds nor a date of a known form; give ISO 8601 as "
             "2026-06-01T14:00:00Z, or seconds since 1970"
         )
     return times
@@ -164,7 +164,7 @@ def _placed(
     first, second = (_numbers(raw, column) for column in pair)
     if not (np.isfinite(first) & np.isfinite(second)).any():
         bad = pair[0] if not np.isfinite(first).any() else pair[1]
-        raise TraceError(f"{source}: {bad.name} of row 0 is {raw[bad.name].iloc[0]!r}; every value must be a number")
+        raise TraceError(f"{source}: {bad.name} of row 0 is {shown(raw[bad.name].iloc[0])}; every value must be a number")
     place = place_metres if plane else place_degrees
     return place(first, second, steps, columns=pair, reported=reported, crs=crs, frame=frame, source=source)
 

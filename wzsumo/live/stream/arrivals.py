@@ -114,12 +114,8 @@ def followed(
 
 def streamed(lines: TextIO, reading: Reading) -> Iterator[Arrival]:
     """The traces of separated text with a header, each as soon as its vehicle has left; lines in any order within a minute."""
-    header = next(csv.reader([lines.readline()]), [])
-    if not header:
-        raise TraceError("standard input: is empty; give separated text whose first line names the columns")
     waiting: dict[str, list[pd.DataFrame]] = {}
-    while rows := [line for _, line in zip(range(LINES), lines, strict=False)]:
-        raw = pd.DataFrame(list(csv.reader(rows)), columns=header)
+    for raw in _tables(lines):
         table = check_traces(_fixes(raw, reading), source="standard input")
         now = float(table["time_s"].max())
         for vehicle, part in table.groupby("vehicle_id", sort=True):
@@ -129,6 +125,27 @@ def streamed(lines: TextIO, reading: Reading) -> Iterator[Arrival]:
             yield from arrivals_of(pd.concat([part for name in gone for part in waiting.pop(name)]), source="standard input")
     if waiting:
         yield from arrivals_of(pd.concat([part for parts in waiting.values() for part in parts]), source="standard input")
+
+
+def _tables(lines: TextIO) -> Iterator[pd.DataFrame]:
+    """Tables of the lines that have come; of text in each column. Raises TraceError at a line that is none."""
+    number = 1
+    try:
+        header = next(csv.reader([lines.readline()]), [])
+        if not header:
+            raise TraceError("standard input: is empty; give separated text whose first line names the columns")
+        while some := [line for _, line in zip(range(LINES), lines, strict=False)]:
+            rows = [row for row in csv.reader(some) if row]
+            if wrong := next((row for row in rows if len(row) != len(header)), None):
+                where = f"one of the lines {number + 1} to {number + len(some)} has {len(wrong)}"
+                raise TraceError(f"standard input: {where} columns, the first line {len(header)}; give lines of one table")
+            number += len(some)
+            if rows:
+                yield pd.DataFrame(rows, columns=header)
+    except UnicodeDecodeError:
+        raise TraceError("standard input: is no text in UTF-8; give separated text") from None
+    except csv.Error as error:
+        raise TraceError(f"standard input: after line {number}: cannot be read ({error}); give separated text") from None
 
 
 def _fixes(raw: pd.DataFrame, reading: Reading) -> pd.DataFrame:

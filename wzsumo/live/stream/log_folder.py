@@ -8,6 +8,8 @@ import hashlib
 import json
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,10 +17,11 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from wzsumo.errors import MapError
+from wzsumo.errors import MapError, OutputError, reading
 from wzsumo.feeds.publication import FeedDetails, published_zone
 from wzsumo.files.lanes import LanesFile, lanes_geojson, read_lanes, time_text
-from wzsumo.files.output import parquet_bytes, write_whole
+from wzsumo.files.output import parquet_bytes, refuse_links, write_whole, writing_to
+from wzsumo.files.work_folder import PREFIX, only_writer, remove_leftovers
 from wzsumo.frames import FloatArray
 from wzsumo.lane_map import LaneMap
 from wzsumo.live.alarms import Alarm, Change
@@ -27,6 +30,9 @@ from wzsumo.live.stream.state_file import read_state, state_bytes
 
 STATE, ALARMS, VERSIONS, EVIDENCE, FOLDER = "state.zip", "alarms.jsonl", "versions.jsonl", "evidence.f4", "versions"
 LOGS = (ALARMS, VERSIONS, EVIDENCE)
+COUNTS = ("taken", "twice", "late", "off_map")
+FIRST = f"{1:06d}"  # name of the first version's folder
+OF_A_VERSION = ("lanes.parquet", "lanes.geojson", "wzdx.geojson", "version.json")
 DAY_S = 86_400.0
 
 
@@ -86,7 +92,7 @@ class LiveFolder:
         """Write the state: what was appended before counts from now on."""
         sizes = {}
         for name in LOGS:
-            with (self.path / name).open("ab") as log:
+            with writing_to(self.path), (self.path / name).open("ab") as log:
                 log.flush()
                 os.fsync(log.fileno())
                 sizes[name] = log.tell()
@@ -99,38 +105,73 @@ class LiveFolder:
         write_whole(self.path / STATE, state_bytes(self.live, about))
 
     def _append(self, name: str, content: bytes) -> None:
-        with (self.path / name).open("ab") as log:
+        with writing_to(self.path), (self.path / name).open("ab") as log:
             log.write(content)
 
 
-def open_folder(path: Path, map_path: Path) -> LiveFolder:
-    """The folder of a live map, as it was left, or new and begun with a map.
+@contextmanager
+def open_folder(path: Path, map_path: Path) -> Iterator[LiveFolder]:
+    """The folder of a live map, as it was left, or new and begun with a map. Only one process at a time can open it.
 
-    Raises MapError where the folder holds another map's state, or a log that was cut off.
+    Raises OutputError where the folder cannot be written to, is in use, or holds files of others under the names that are
+    written here; MapError where it holds another map's state, or a file of it is damaged.
     """
     content = read_lanes(map_path)
-    started = hashlib.sha256(parquet_bytes(lanes_table(content.lanes))).hexdigest()
-    if not (path / STATE).exists():
-        for name in LOGS:
-            (path / name).unlink(missing_ok=True)
-        shutil.rmtree(path / FOLDER, ignore_errors=True)
+    first = parquet_bytes(lanes_table(content.lanes))
+    with writing_to(path):
         path.mkdir(parents=True, exist_ok=True)
-        folder = LiveFolder(
-            path=path, live=live_map(content.lanes), frame=content.frame, utc=content.utc,
-            position=Position(done=[], reading=[], delivered=0), keys={},
-            counts={"taken": 0, "twice": 0, "late": 0, "off_map": 0},
-        )  # fmt: skip
-        folder.write_version(None, alarm=None, lanes=content.lanes)
-        folder.commit()
-        return folder
+    refuse_links(path, (FOLDER,))
+    for name in LOGS:
+        if (path / name).is_symlink() or (path / name).is_dir():
+            raise OutputError(f"--out {path / name}: is no plain file; name another folder")
+    with only_writer(path):
+        remove_leftovers(path)
+        if (path / STATE).exists():
+            with reading(path, error=MapError, remedy="restore it, or replay into a new folder"):
+                folder = _as_it_was_left(path, content, started=hashlib.sha256(first).hexdigest(), map_path=map_path)
+        else:
+            folder = _begun(path, content)
+        yield folder
+
+
+def _begun(path: Path, content: LanesFile) -> LiveFolder:
+    _remove_unbegun(path)
+    folder = LiveFolder(
+        path=path, live=live_map(content.lanes), frame=content.frame, utc=content.utc,
+        position=Position(done=[], reading=[], delivered=0), keys={}, counts=dict.fromkeys(COUNTS, 0),
+    )  # fmt: skip
+    folder.write_version(None, alarm=None, lanes=content.lanes)
+    folder.commit()
+    return folder
+
+
+def _remove_unbegun(path: Path) -> None:
+    """Remove what a command left that was killed before its first state. Raises OutputError where there is anything else."""
+    versions = sorted(path.glob(f"{FOLDER}/*"))
+    names = {file.name for folder in versions for file in folder.glob("*") if not file.name.startswith(PREFIX)}
+    held = (path / VERSIONS).read_bytes() if (path / VERSIONS).is_file() else b""
+    others = [name for name in (ALARMS, EVIDENCE) if (path / name).is_file() and (path / name).stat().st_size]
+    others += [VERSIONS] if held.count(b"\n") > 1 or (held and b'"lanes_sha256"' not in held) else []
+    others += [FOLDER] if [each.name for each in versions] not in ([], [FIRST]) or not names <= set(OF_A_VERSION) else []
+    if others:
+        raise OutputError(
+            f"--out {path}: holds {others[0]}, but no {STATE} of a live map; name another folder, or move {others[0]} away"
+        )
+    for name in LOGS:
+        (path / name).unlink(missing_ok=True)
+    shutil.rmtree(path / FOLDER, ignore_errors=True)
+
+
+def _as_it_was_left(path: Path, content: LanesFile, *, started: str, map_path: Path) -> LiveFolder:
     live, about = read_state((path / STATE).read_bytes(), source=str(path / STATE))
-    for name, size in about["sizes"].items():
-        _cut(path / name, size)
+    for name in LOGS:
+        _cut(path / name, int(about["sizes"][name]))
     _check_versions(path, started=started, map_path=map_path, last=live.version)
+    position = Position(done=list(about["done"]), reading=list(about["reading"]), delivered=int(about["delivered"]))
+    counts = {name: int(about["counts"][name]) for name in COUNTS}
     return LiveFolder(
-        path=path, live=live, frame=content.frame, utc=content.utc,
-        position=Position(done=about["done"], reading=about["reading"], delivered=about["delivered"]),
-        keys=dict.fromkeys(about["keys"]), counts=about["counts"],
+        path=path, live=live, frame=content.frame, utc=content.utc, position=position, keys=dict.fromkeys(about["keys"]),
+        counts=counts,
     )  # fmt: skip
 
 
@@ -170,10 +211,11 @@ def _feed(content: LanesFile) -> dict[str, Any] | None:
 
 def _cut(path: Path, size: int) -> None:
     held = path.stat().st_size if path.exists() else 0
-    if held < size:
+    if held < size or size < 0:
         raise MapError(f"{path}: is cut off ({held} of {size} bytes); restore it, or replay into a new folder")
-    with path.open("r+b") as log:
-        log.truncate(size)
+    if held > size:
+        with path.open("r+b") as log:
+            log.truncate(size)
 
 
 def _check_versions(path: Path, *, started: str, map_path: Path, last: int) -> None:
@@ -184,6 +226,5 @@ def _check_versions(path: Path, *, started: str, map_path: Path, last: int) -> N
         file = path / FOLDER / f"{line['version']:06d}" / "lanes.parquet"
         if not file.is_file() or hashlib.sha256(file.read_bytes()).hexdigest() != line["lanes_sha256"]:
             raise MapError(f"{file}: is missing or cut off; restore it, or replay into a new folder")
-    for folder in (path / FOLDER).iterdir():
-        if folder.name.isdigit() and int(folder.name) > last:
-            shutil.rmtree(folder)
+    for number in range(last + 1, last + 1 + len(list((path / FOLDER).iterdir()))):
+        shutil.rmtree(path / FOLDER / f"{number:06d}", ignore_errors=True)

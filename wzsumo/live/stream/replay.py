@@ -7,6 +7,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from wzsumo.errors import TraceError
+from wzsumo.files.output import uninterrupted
 from wzsumo.frames import FloatArray
 from wzsumo.live.ageing import HALF_LIFE_S
 from wzsumo.live.charts.findings import Family
@@ -64,8 +65,10 @@ def follow_folder(
 def follow_stream(folder: LiveFolder, lines: TextIO, reading: Reading, *, half_life_s: float, tell: Tell) -> None:
     """Take the traces of lines as they come; what was taken before is known by its name and time."""
     folder.position = Position(done=folder.position.done, reading=[], delivered=0)
-    _take_all(folder, streamed(lines, reading), half_life_s=half_life_s, tell=tell)
-    folder.commit()
+    try:
+        _take_all(folder, streamed(lines, reading), half_life_s=half_life_s, tell=tell)
+    finally:
+        folder.commit()  # lines do not come again
 
 
 def evidence_by_cell(live: LiveMap) -> FloatArray:
@@ -94,10 +97,11 @@ def _after(arrivals: Iterable[Arrival], delivered: int) -> Iterator[Arrival]:
 
 def _take_all(folder: LiveFolder, arrivals: Iterable[Arrival], *, half_life_s: float, tell: Tell) -> None:
     for arrival in arrivals:
-        _take(folder, arrival, half_life_s=half_life_s, tell=tell)
-        folder.position.delivered += 1
-        if folder.position.delivered % COMMIT_EVERY == 0:
-            folder.commit()
+        with uninterrupted():  # a trace is taken whole, or not at all
+            _take(folder, arrival, half_life_s=half_life_s, tell=tell)
+            folder.position.delivered += 1
+            if folder.position.delivered % COMMIT_EVERY == 0:
+                folder.commit()
 
 
 def _take(folder: LiveFolder, arrival: Arrival, *, half_life_s: float, tell: Tell) -> None:

@@ -1,5 +1,6 @@
 """Who drives where: the vehicles of all demand files with their vehicle class and their route, or its ends."""
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
 
@@ -87,16 +88,18 @@ def vehicles_of(element: Element) -> int:
         return round(duration * probability)
     period = element.get("period")
     if period.startswith("exp("):
-        return round(duration * float(period[4:-1]))
-    return round(duration / float(period)) if number_in(period) else 1
+        return round(duration * (number_in(period[4:-1]) or 0.0))
+    seconds = number_in(period)
+    return round(duration / seconds) if seconds and seconds > 0 else 1
 
 
 def number_in(text: str, default: float | None = None) -> float | None:
-    """The number that an attribute holds; `default` for none, and for words such as "random"."""
+    """The number that an attribute holds; `default` for none, for infinity and for words such as "random"."""
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         return default
+    return number if math.isfinite(number) else default
 
 
 def seconds_in(text: str, default: float) -> float:
@@ -104,6 +107,8 @@ def seconds_in(text: str, default: float) -> float:
     try:
         parts = [float(part) for part in text.split(":")]
     except ValueError:
+        return default
+    if not all(map(math.isfinite, parts)) or len(parts) > 4:
         return default
     while len(parts) < 4:
         parts.insert(0, 0.0)
