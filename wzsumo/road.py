@@ -192,13 +192,13 @@ class RoadSpec(Spec):
     lane_width_ft: float = Field(12.0, ge=10, le=16)  # 12 ft: AASHTO Green Book, freeway lane; 10 ft: MUTCD 6G, narrowest
     left_shoulder_ft: float = Field(ge=0, le=30)  # paved; 0: none
     right_shoulder_ft: float = Field(ge=0, le=30)  # paved; 0: none
-    length_ft: float | None = Field(None, gt=0, le=MAX_ROAD_FT)  # of a straight road; or:
-    alignment: tuple[Bend, ...] = ()  # straights, arcs and transitions, or:
+    length_ft: float | None = Field(None, gt=0, le=MAX_ROAD_FT)  # of a straight road
+    alignment: tuple[Bend, ...] = ()  # instead: straights, arcs and transitions
     reference_points_m: tuple[tuple[float, float], ...] = Field(
         (), max_length=MAX_POINTS
-    )  # any real alignment: the middle of all lanes, in metres
-    crs: str | None = None  # of those points, such as "EPSG:32617"; none: a road without a place on earth
-    origin_m: tuple[float, float] = (0.0, 0.0)  # the CRS coordinates of their (0, 0)
+    )  # instead: any line, the middle of all lanes, in the direction of travel
+    crs: str | None = None  # of reference_points_m, as "EPSG:32617"; None: a road without a place on earth
+    origin_m: tuple[float, float] = (0.0, 0.0)  # coordinates in the CRS of the point (0, 0)
 
     @model_validator(mode="after")
     def _one_alignment(self) -> Self:

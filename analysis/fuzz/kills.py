@@ -5,6 +5,8 @@
 Each command writes its result B into a folder that holds a finished result A. After the kill the folder must hold all files of
 A or all of B (files that hold times of the clock are compared by their names alone), no process may be left that names the
 folder, and after SIGTERM no temporary folder either. The command is then run to its end: it must give B and leave nothing else.
+A sweep and a live map keep what is finished: what they hold after the kill lies between A and B. --commands may name one
+several times, to be killed more often: --commands map map live place run.
 """
 
 import argparse
@@ -20,11 +22,16 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
+import pandas as pd
 from fuzz import _small_scenario, _small_study
+from networks import FREEWAY, REPOSITORY
+from trace_inputs import drives
 
 from wzsumo.files.work_folder import PREFIX
 
-CLOCKED = ("result.json", "report.html", "zone.net.xml")  # they hold times of the clock
+# They hold times of the clock, or how often a state was written.
+CLOCKED = ("result.json", "report.html", "zone.net.xml", "state.zip", "live.html")
+GROWING = ("sweep", "live")
 WAIT_S = 3.0  # for what a killed command had started
 
 
@@ -38,11 +45,14 @@ def main() -> None:
     base = (args.out / "work").resolve()
     shutil.rmtree(base, ignore_errors=True)
     base.mkdir(parents=True)
-    finished = {name: _finished(name, base) for name in args.commands}
+    finished = {name: _finished(name, base) for name in dict.fromkeys(args.commands)}
     chance, counts = random.Random(args.seed), Counter[tuple[str, str, str]]()
     for number in range(2 * args.kills):
         name, sign = args.commands[number // 2 % len(args.commands)], (signal.SIGKILL, signal.SIGTERM)[number % 2]
-        for what in _trial(name, sign, base, finished[name], chance=chance):
+        found = ["ended before"]
+        while any("ended before" in what for what in found):  # the moment came too late: another one
+            found = _trial(name, sign, base, finished[name], chance=chance)
+        for what in found:
             counts[name, sign.name, what] += 1
         table = [("command", "signal", "found", "times"), *((*key, counts[key]) for key in sorted(counts))]
         with (args.out / "kills.csv").open("w", newline="") as file:
@@ -69,6 +79,29 @@ def _map(base: Path, out: Path, variant: str) -> list[str]:
     return ["map", str(path), "--out", str(out)]
 
 
+def _live(base: Path, out: Path, variant: str) -> list[str]:
+    """Days of traces; the second follows on the first."""
+    if not (base / "live_map").exists():
+        drives(random.Random(3)).to_csv(base / "before.csv", index=False)
+        _ended(["map", str(base / "before.csv"), "--out", str(base / "live_map")], base)
+    files = []
+    for day in range(int(variant)):
+        files.append(base / f"day{day}.csv")
+        parts = [drives(random.Random(3)) for _ in range(30)]
+        for number, part in enumerate(parts):
+            part["time_s"] += 1e5 * day + 600.0 * number
+        pd.concat(parts).to_csv(files[-1], index=False)
+    return ["live", *map(str, files), "--map", str(base / "live_map"), "--out", str(out)]
+
+
+def _place(base: Path, out: Path, variant: str) -> list[str]:
+    del base
+    zone = REPOSITORY / "docs" / "guide" / "place_example" / "zone.toml"
+    net, routes = FREEWAY / "freeway.net.xml", FREEWAY / "freeway.rou.xml"
+    at = ["--at", "m2", str(100 * int(variant))]
+    return ["place", str(net), "--zone", str(zone), *at, "--routes", str(routes), "--out", str(out)]
+
+
 def _report(base: Path, out: Path, variant: str) -> list[str]:
     del base, variant
     return ["report", str(out)]
@@ -83,6 +116,7 @@ def _sweep(base: Path, out: Path, variant: str) -> list[str]:
 
 COMMANDS: dict[str, Callable[[Path, Path, str], list[str]]] = {
     "layout": _layout, "net": _net, "run": _run, "map": _map, "report": _report, "sweep": _sweep,
+    "live": _live, "place": _place,
 }  # fmt: skip
 
 
@@ -133,15 +167,15 @@ def _trial(
     found = [
         "killed" if code == -signal.SIGKILL else "terminated" if code in {143, -signal.SIGTERM} else f"ended before, {code}"
     ]
-    time.sleep(0 if sign == signal.SIGTERM else WAIT_S)
+    patience = time.monotonic() + (0 if sign == signal.SIGTERM else WAIT_S)
+    while _processes(base) and time.monotonic() < patience:
+        time.sleep(0.1)
     if _processes(base):
         found.append("PROCESS LEFT")
     if sign == signal.SIGTERM and code == 143 and (_work_folders(out) or list((base / "tmp").iterdir())):
         found.append("FOLDER LEFT")
     state = _state(out)
-    # A sweep adds a batch at a time: what it holds lies between A and B.
-    whole = state in (_state(old), _state(new)) or (name == "sweep" and _state(old).items() <= (state | _tables(old)).items())
-    if not whole:
+    if not (_is_between(state, old, new) if name in GROWING else state in (_state(old), _state(new))):
         found.append("HALF-WRITTEN")
     _ended(words, base)
     if _state(out) != _state(new):
@@ -160,8 +194,16 @@ def _state(folder: Path) -> dict[str, bytes]:
     }
 
 
-def _tables(folder: Path) -> dict[str, bytes]:
-    return {name: content for name, content in _state(folder).items() if name in {"results.parquet", "study.json"}}
+def _is_between(state: dict[str, bytes], old: Path, new: Path) -> bool:
+    """Whether files of A are there still, those of B's too or not yet; tables and logs grow."""
+    before, after = _state(old), _state(new)
+    grow = {"results.parquet", "study.json", "alarms.jsonl", "versions.jsonl", "evidence.f4", "lanes.geojson"}
+    kept = all(state.get(name) == content for name, content in before.items() if name not in grow)
+    return (
+        kept
+        and before.keys() <= state.keys()
+        and all(state[name] == after[name] for name in state if name not in {*before, *grow})
+    )
 
 
 def _work_folders(out: Path) -> list[Path]:

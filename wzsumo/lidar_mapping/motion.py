@@ -27,17 +27,17 @@ DRIFT_SD_SCALE, DRIFT_SD_BIAS_RPS = 1e-6, 1e-7  # of scale and bias from one sca
 class MotionSpec(Spec):
     """Standard deviations of the prior's sources. Scale and bias are constants of a drive, all else is noise."""
 
-    speed_scale: float = Field(default=0.02, ge=0)  # of the wheel's scale, as a share: twice that of `ImuSpec`
-    gyro_bias_deg_per_s: float = Field(default=0.02, ge=0)  # of the yaw gyroscope's bias: twice that of `ImuSpec`
+    speed_scale: float = Field(default=0.02, ge=0)  # of the wheel's scale, as a share: twice that of [slam.imu]
+    gyro_bias_deg_per_s: float = Field(default=0.02, ge=0)  # of the yaw gyroscope's bias: twice that of [slam.imu]
     along_m_per_sqrt_m: float = Field(default=0.01, gt=0)  # wheel slip and quantisation; chosen by us
     aside_m_per_sqrt_m: float = Field(default=0.005, gt=0)  # side slip and heave; chosen by us
     turn_deg_per_sqrt_s: float = Field(
         default=0.05, gt=0
-    )  # gyroscope: five times the random walk of `ImuSpec`, for the car's pitching
+    )  # gyroscope: five times the random walk of [slam.imu], for the car's pitching
     attitude_deg: float = Field(default=0.5, gt=0)  # of roll and pitch, mostly constant; Xsens MTi-3: 0.5 deg rms
     attitude_time_s: float = Field(default=10.0, gt=0)  # correlation time of the attitude's error; chosen by us
     gnss_m: float = Field(default=0.03, gt=0)  # each horizontal axis; RTK is 1 to 2 cm, and its error lasts for a minute
-    gnss_vertical_factor: float = Field(default=2.0, ge=1)  # vertical over horizontal error, as in `MappingGnssSpec`
+    gnss_vertical_factor: float = Field(default=2.0, ge=1)  # vertical over horizontal error, as in [slam.gnss]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,6 +24,7 @@ from wzsumo.units import unit_of
 
 # TOML's words for the types of Python.
 TYPE_WORDS = {int: "whole number", float: "number", str: "text", bool: "true or false", Path: "file", NoneType: ""}
+NOT_TOLD = ("fmt:", "type:", "noqa")  # comments for tools
 BOUNDS = {"gt": "above", "ge": "from", "lt": "below", "le": "to"}
 
 
@@ -84,7 +85,7 @@ def _sections(
         given = _default(field, key, default)
         yield from _sections(
             spec, given if isinstance(given, Spec) else None, name=f"{name}.{key}".lstrip("."),
-            told=" ".join(filter(None, (_first_paragraph(spec), words.get(key)))), required=field.is_required(),
+            told=" ".join(filter(None, (_first_paragraph(spec), _sentence(words.get(key, ""))))), required=field.is_required(),
             repeated=get_origin(field.annotation) is tuple,
         )  # fmt: skip
 
@@ -109,9 +110,19 @@ def words_of_keys(kind: type[Spec]) -> dict[str, str]:
                 above.insert(0, comments[line][0])
                 line -= 1
             beside = [comments[line][0] for line in range(node.lineno, node.end_lineno + 1) if line in comments]
-            told = [part for part in (*beside, *above) if not part.startswith(("fmt:", "type:", "noqa"))]
-            words = words | {node.target.id: " ".join(told).replace("None:", "left out:")}
+            own, more = _joined(beside), _joined(above)
+            told = f"{own.removesuffix('.')}. {more}" if own and more else own + more
+            words = words | {node.target.id: told.replace("None:", "left out:")}
     return words
+
+
+def _joined(comments: list[str]) -> str:
+    return " ".join(words for words in comments if not words.startswith(NOT_TOLD))
+
+
+def _sentence(words: str) -> str:
+    """Words of a comment as a sentence of their own."""
+    return f"{words[0].upper()}{words[1:].removesuffix('.')}." if words else ""
 
 
 def kind_in_words(field: FieldInfo) -> str:

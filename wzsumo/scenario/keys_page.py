@@ -23,7 +23,7 @@ def _section_lines(section: Section, *, decides: str) -> Iterator[str]:
         yield from (f"## `{heading}`", "")
     yield section.words + (" **Must be given.**" if section.required and section.name else "")
     if decides:
-        yield f"Decides: {decides}."
+        yield from ("", f"It decides {decides}.")
     yield ""
     if section.keys:
         yield HEADER

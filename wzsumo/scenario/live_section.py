@@ -27,9 +27,9 @@ class ZoneState(Spec):
     closed_shoulder: Side | None = None  # as in work_zone; None: the one there
     shift_ft: float | None = Field(None, ge=0, le=100)  # as in work_zone; None: the value there
     shifted_lane_width_ft: float | None = Field(None, ge=10, le=16)  # as in work_zone; None: the value there
-    pushed_from_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)  # station from which devices stand in the lane beside
-    pushed_to_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)  # station to which they do
-    pushed_by_ft: float = Field(3.0, gt=0, le=4)  # a lane of 12 ft is then still passable for a car
+    pushed_from_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)  # station from which devices stand in the open lane
+    pushed_to_ft: float | None = Field(None, ge=0, le=MAX_ROAD_FT)  # station up to which they do
+    pushed_by_ft: float = Field(3.0, gt=0, le=4)  # how far into it; a car still passes in a lane of 12 ft
     road_closed_ft: float | None = Field(None, gt=0, le=MAX_ROAD_FT)  # station of devices across all lanes
 
     @model_validator(mode="after")
@@ -67,13 +67,13 @@ class LiveSection(Spec):
     stand for earlier days: all of them report, and their times are stretched so that traces come as often as after it.
     """
 
-    changed_at_s: float = Field(gt=0)  # of the simulation
-    ego_after_s: float = Field(ge=0)  # from then until the ego asks to enter the road
-    before: ZoneState = ZoneState(stands=False)  # the zone until then; all lanes are open
-    after: ZoneState = ZoneState()  # the zone from then on; as work_zone has it
-    mapped_traces: int = Field(40, ge=5, le=1000)  # of the first map, after which the others settle it; chosen by us
-    doubtful_share: float = Field(0.5, gt=0, le=1)  # of an alarm's evidence, from which on a place is doubtful; chosen by us
-    doubtful_speed_share: float = Field(0.7, gt=0, le=1)  # of the target speed, at doubtful places; chosen by us
+    changed_at_s: float = Field(gt=0)  # time of the simulation at which the zone changes
+    ego_after_s: float = Field(ge=0)  # time from the change until the ego asks to enter the road
+    before: ZoneState = ZoneState(stands=False)  # the zone until it changes; None: all lanes are open
+    after: ZoneState = ZoneState()  # the zone from then on; None: as [work_zone] has it
+    mapped_traces: int = Field(40, ge=5, le=1000)  # traces that make the first map, before others settle it; chosen by us
+    doubtful_share: float = Field(0.5, gt=0, le=1)  # share of an alarm's evidence that makes a place doubtful; chosen by us
+    doubtful_speed_share: float = Field(0.7, gt=0, le=1)  # share of the target speed that is driven there; chosen by us
 
     @model_validator(mode="after")
     def _states_differ(self) -> Self:

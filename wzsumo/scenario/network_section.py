@@ -19,15 +19,17 @@ class NetworkSection(Spec):
     sumocfg: Path | None = None  # a configuration of the network, with all its files; else `routes` and `additionals`
     routes: tuple[Path, ...] = ()  # route files: the demand
     additionals: tuple[Path, ...] = ()  # additional files: detectors, stops, ...
-    edge: str | None = None  # the first device stands at position_m of this edge; negative: from its end
-    position_m: float | None = None  # along the edge; goes with it
-    latitude_deg: float | None = Field(None, ge=-90, le=90)  # or nearest to this place, WGS 84
-    longitude_deg: float | None = Field(None, ge=-180, le=180)  # goes with latitude_deg
-    lane_side: Side | None = None  # close as many lanes as the zone says, but on this side; None: those that it names
-    left_shoulder_ft: float = Field(0.0, ge=0, le=30)  # a network has no shoulders
+    edge: str | None = None  # on which the first device stands, at position_m
+    position_m: float | None = None  # of the first device along `edge`; negative: from the edge's end
+    latitude_deg: float | None = Field(
+        None, ge=-90, le=90
+    )  # instead of `edge`: the first device stands nearest to this place, WGS 84
+    longitude_deg: float | None = Field(None, ge=-180, le=180)  # of that place
+    lane_side: Side | None = None  # on which as many lanes close as [work_zone] says; None: those that it names
+    left_shoulder_ft: float = Field(0.0, ge=0, le=30)  # paved, of the road; a network has none
     right_shoulder_ft: float = Field(0.0, ge=0, le=30)  # as on the left
-    closed_from_s: float = Field(0.0, ge=0)  # the set-up of the zone begins
-    closed_for_s: float | None = Field(None, gt=0)  # from then on, until all lanes are open again; None: to the end
+    closed_from_s: float = Field(0.0, ge=0)  # when the set-up of the zone begins
+    closed_for_s: float | None = Field(None, gt=0)  # from then until all lanes are open again; None: to the end
 
     @model_validator(mode="after")
     def _one_place_and_one_demand(self) -> Self:

@@ -39,8 +39,8 @@ class Scenario(Spec):
     name: Annotated[str, Decides.NOTHING] = Field(min_length=1, pattern=r"^[\w.-]+$")
     # of all random numbers: the same scenario and seed give the same result
     seed: Annotated[int, Decides.SIMULATION] = Field(ge=0, le=MAX_SEED)
-    road: Annotated[RoadSpec | None, Decides.SIMULATION] = None  # this or a network
-    network: Annotated[NetworkSection | None, Decides.SIMULATION] = None  # in place of [road]
+    road: Annotated[RoadSpec | None, Decides.SIMULATION] = None  # it or [network] must be given
+    network: Annotated[NetworkSection | None, Decides.SIMULATION] = None  # a road in somebody's network, in the place of [road]
     work_zone: Annotated[WorkZone, Decides.SIMULATION]
     site: Annotated[SiteSpec, Decides.SIMULATION] = SiteSpec()
     simulation: Annotated[SimulationSpec, Decides.SIMULATION] = SimulationSpec()

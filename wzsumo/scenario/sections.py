@@ -67,10 +67,10 @@ class SlamSpec(Spec):
 class CrowdSpec(Spec):
     """How many vehicles report their traces, and how many traces are collected and used for the map."""
 
-    # A vehicle that is equipped at some penetration is also equipped at every higher one (see `sensing.equipped`).
+    # A vehicle that is equipped at some penetration is also equipped at every higher one.
     penetration: Annotated[float, Decides.COLLECTION] = Field(0.15, gt=0, le=1)  # share of vehicles that report
-    collected: Annotated[int, Decides.COLLECTION] = Field(30, ge=1)  # Chen et al. 2022
-    used: int = Field(5, ge=1)  # ibid.
+    collected: Annotated[int, Decides.COLLECTION] = Field(30, ge=1)  # vehicles whose traces are kept; Chen et al. 2022
+    used: int = Field(5, ge=1)  # traces that make the map; ibid.
     # "passed": the map is made of the first traces to leave the zone, and the ego sets out when they have; "any": of traces
     # of the whole run, drawn by the seed, also of vehicles that pass after the ego.
     known: Literal["passed", "any"] = "passed"
@@ -81,7 +81,7 @@ class RouteSpec(Spec):
 
     start_lane: int = Field(ge=0)  # in which the ego begins, one that stays open or closes
     start_before_zone_m: float = Field(150.0, gt=0)  # ahead of the first device; chosen by us
-    goal_lane: int = Field(ge=0)  # in which it ends
+    goal_lane: int = Field(ge=0)  # in which the ego ends
     goal_after_zone_m: float = Field(100.0, gt=0)  # beyond the last taper; chosen by us
     open_goal_lane: int | None = Field(None, ge=0)  # lane of a second goal, one that continues an open lane
 

@@ -41,7 +41,7 @@ class DemandSpec(Spec):
     # from 27 m/s within some 80 m, so the nearest leaves room to stop. The farthest read the sign "LANE CLOSED" of a freeway,
     # 2,500 ft (762 m) ahead of the taper (MUTCD 11th ed., Table 6B-1), from 250 m before it. Chosen by us.
     merge_ahead_m: tuple[float, float] = (100.0, 1100.0)
-    # "hcm": fitted to the HCM's queue discharge of the scenario's zone; the name of a preset; or a table of DriverSpec's keys.
+    # "hcm": fitted to the HCM's queue discharge of the scenario's zone; the name of a preset; or a table of the keys below.
     drivers: DriverSpec = UNCALIBRATED
 
     @field_validator("drivers", mode="before", json_schema_input_type=_DriversName | DriverSpec)

@@ -28,7 +28,7 @@ _CORNERS = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # of 
 class MixtureSpec(Spec):
     """How many components are tried, and how the fitted mixture becomes an area."""
 
-    # None: 30 components for 657 m, the zone of Chen et al. 2022, who show K up to about 30; see `selection.default_k_max`.
+    # None: 30 components for 657 m, the zone of Chen et al. 2022, who show K up to about 30; in proportion elsewhere.
     k_max: int | None = Field(None, ge=1, le=MAX_COMPONENTS)
     # Standard deviation below which no component is. Vehicles wander by as much within seconds. Simulated vehicles do not:
     # without a least width, components would follow the lines of single vehicles and leave lane changes to one broad component.
@@ -40,7 +40,7 @@ class MixtureSpec(Spec):
     literal_square_m: float = Field(0.127, gt=0)  # ibid.: 5 by 5 inch
     square_m: float = Field(1.524, gt=0)  # 5 by 5 FOOT: the smallest round size that joins the samples
     driver_sd_m: float = Field(0.25, ge=0, le=1)  # drivers' scatter across a lane; 0.2-0.4 m in naturalistic studies
-    copies: int = Field(0, ge=0, le=20)  # of each trace, moved to the side by normal offsets of driver_sd_m: `augmentation`
+    copies: int = Field(0, ge=0, le=20)  # of each trace, moved to the side by normal offsets of driver_sd_m
 
 
 def samples_inside(mixture: Mixture, *, spec: MixtureSpec, seed: int) -> FloatArray:
