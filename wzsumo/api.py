@@ -16,6 +16,7 @@ from wzsumo.files.layout import layout_geojson
 from wzsumo.files.output import save_figure, staged_folder
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.files.traces import fixes_from
+from wzsumo.frames import pose_of_degrees
 from wzsumo.grid import OccupancyGrid
 from wzsumo.placement.configuration import Configuration
 from wzsumo.placement.net import Net
@@ -140,27 +141,26 @@ def place(
 def plan(
     grid: OccupancyGrid,
     *,
-    start: Sequence[float],
-    goal: Sequence[float],
+    start_xy_deg: Sequence[float],
+    goal_xy_deg: Sequence[float],
     vehicle: VehicleGeometry | None = None,
     spec: PlannerSpec | None = None,
 ) -> Plan:
-    """The plan on a map from `start` to `goal`, poses (x [m], y [m], heading [rad]) of the REAR AXLE.
+    """The plan on a map between two poses of the REAR AXLE, as `wzsumo plan` takes them.
 
-    Where no path is found `plan.path` is None and `plan.reason` says why.
+    A pose is (x [m], y [m], heading [degrees, counter-clockwise from +x]). The path that is found has its headings in radians,
+    as all arrays have. Where no path is found `plan.path` is None and `plan.reason` says why.
 
     >>> import wzsumo
     >>> grid = wzsumo.blank_grid((0, -5, 120, 5), resolution=0.25, p_occupied=0.0)
-    >>> found = wzsumo.plan(grid, start=(10, 0, 0), goal=(100, 1, 0))
+    >>> found = wzsumo.plan(grid, start_xy_deg=(10, 0, 0), goal_xy_deg=(100, 1, 0))
     >>> str(found.status), round(float(found.path.arc_length[-1]))
     ('FOUND', 90)
     """
-    x, y, heading = map(float, start)
-    goal_x, goal_y, goal_heading = map(float, goal)
     return plan_path(
         grid,
-        start=(x, y, heading),
-        goal=(goal_x, goal_y, goal_heading),
+        start=pose_of_degrees(start_xy_deg),
+        goal=pose_of_degrees(goal_xy_deg),
         vehicle=vehicle or VehicleGeometry(),
         spec=spec or PlannerSpec(),
     )

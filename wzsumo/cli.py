@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from io import TextIOWrapper
+from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -21,7 +22,7 @@ from wzsumo import __version__
 from wzsumo.commands.terminal.completion import SHELLS, completion_option
 from wzsumo.commands.terminal.progress import telling_of_compiling
 from wzsumo.commands.terminal.words import lines_of
-from wzsumo.errors import InputError, did_you_mean, one_line
+from wzsumo.errors import InputError, check_name, did_you_mean, one_line
 
 # One thread per library: matrices here are small, and more threads make the fits slower.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -110,6 +111,10 @@ def _run(words: list[str]) -> None:
     if words and words[0] in COMMANDS:
         words = getattr(import_module(f"wzsumo.commands.{words[0]}"), "prepared", list)(words)
     args = parser.parse_args(words)
+    for value in vars(args).values():
+        for path in value if isinstance(value, list) else [value]:
+            if isinstance(path, Path):
+                check_name(path)
     command = import_module(f"wzsumo.commands.{args.command}")
     with telling_of_compiling(args):
         figures = command.run(args)

@@ -1,6 +1,7 @@
 """Named errors, and what they show of the input. An `InputError` is one that the user can remedy: exit code 2."""
 
 import difflib
+import errno
 import reprlib
 import struct
 import zlib
@@ -10,6 +11,7 @@ from pathlib import Path
 
 MAX_SHOWN = 200  # characters of a value that a message repeats
 MAX_LINE = 4000  # characters of a whole message
+_MAY_BE_MISSING = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)  # where pathlib says that a file is not there
 _SHOWN = reprlib.Repr()
 _SHOWN.maxlevel, _SHOWN.maxlist, _SHOWN.maxtuple, _SHOWN.maxdict = 3, 12, 12, 12
 _SHOWN.maxstring = _SHOWN.maxother = _SHOWN.maxlong = MAX_SHOWN
@@ -110,6 +112,17 @@ def did_you_mean(given: str, known: Iterable[str], *, cutoff: float = 0.75) -> s
     """
     near = difflib.get_close_matches(given[:MAX_SHOWN], list(known), n=2, cutoff=cutoff)
     return f" (did you mean {' or '.join(near)}?)" if near else ""
+
+
+def check_name(path: Path) -> None:
+    """Raise InputError where nothing can be found out about a path, not even whether it is there: its name is too long, say."""
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return
+    except (OSError, ValueError) as failed:  # ValueError: a NUL in the name
+        if getattr(failed, "errno", None) not in _MAY_BE_MISSING:
+            raise InputError(f"{shown(str(path))}: {_reason(failed)}; name another file or folder") from None
 
 
 def check_file(path: Path, *, error: type[InputError], remedy: str, max_bytes: float = float("inf")) -> None:

@@ -35,6 +35,16 @@ def sumo_angle_from_heading(heading: npt.ArrayLike) -> FloatArray:
     return np.asarray(np.mod(90.0 - np.rad2deg(np.asarray(heading, dtype=float)), 360.0))
 
 
+def pose_of_degrees(pose: npt.ArrayLike) -> tuple[float, float, float]:
+    """The pose (x, y, heading [rad]) of one whose heading is in degrees counter-clockwise from +x, as people give them.
+
+    >>> pose_of_degrees((10, 0, 180))
+    (10.0, 0.0, 3.141592653589793)
+    """
+    x, y, heading_deg = np.asarray(pose, dtype=float)
+    return float(x), float(y), float(np.deg2rad(heading_deg))
+
+
 def advance(poses: npt.ArrayLike, distance: npt.ArrayLike) -> FloatArray:
     """Poses (..., 3) moved by `distance` [m] along their own heading: front bumper <-> centre <-> rear axle.
 

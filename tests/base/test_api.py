@@ -1,4 +1,5 @@
 import doctest
+import math
 import subprocess
 import sys
 from types import ModuleType
@@ -46,3 +47,11 @@ def test_map_with_a_resolution_that_no_cell_can_have_is_refused(resolution_m: fl
     traces = pd.DataFrame({"vehicle_id": "a", "time_s": [0.0, 1.0], "x_m": [0.0, 20.0], "y_m": 0.0})
     with pytest.raises(InputError, match=r"resolution_m=.* must be above 0 and at most 10 m"):
         wzsumo.build_map(traces, resolution_m=resolution_m)
+
+
+def test_plan_takes_degrees_as_the_command_line_does() -> None:
+    grid = wzsumo.blank_grid((-60, -60, 60, 60), resolution=0.5, p_occupied=0.0)
+    northwards = wzsumo.plan(grid, start_xy_deg=(0, -30, 90), goal_xy_deg=(0, 30, 90))
+    assert northwards.path is not None
+    assert northwards.path.arc_length[-1] == pytest.approx(60, abs=0.5)
+    assert northwards.path.poses[:, 2] == pytest.approx(math.pi / 2, abs=1e-3)

@@ -311,3 +311,22 @@ def test_run_in_a_window_on_a_machine_without_a_display_is_refused_before_anythi
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "--gui: there is no display here" in err
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "nul\0byte"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("map", "NAME", "--out", "o"), ("live", "NAME", "--map", "NAME", "--out", "o"), ("run", "NAME", "--out", "o"),
+        ("export", "NAME", "--to", "opendrive", "--out", "o"), ("report", "NAME"), ("sweep", "NAME", "--out", "o"),
+        ("place", "NAME", "--zone", "z", "--at", "e", "1", "--out", "o"), ("ground", "NAME", "--out", "o"),
+        ("plan", "NAME", "--start", "0", "0", "0", "--goal", "1", "0", "0", "--out", "o"), ("layout", "paper", "--out", "NAME"),
+        ("map", "a.csv", "--road", "NAME", "--out", "o"), ("schema", "--out", "NAME"),
+    ],
+)  # fmt: skip
+def test_a_name_that_no_file_can_have_is_told_in_one_line(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], name: str
+) -> None:
+    code, _, said = run(capsys, *(name if word == "NAME" else word for word in words))
+    assert (code, said.count("\n")) == (2, 1), said
+    assert len(said) < 600

@@ -9,6 +9,7 @@ import numpy as np
 from wzsumo.commands.terminal.arguments import number, speed_mps
 from wzsumo.files.output import staged_file
 from wzsumo.files.ros_map import read_map
+from wzsumo.frames import pose_of_degrees
 from wzsumo.grid import FREE_THRESHOLD
 from wzsumo.planning.plan import load_kernels, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
@@ -32,7 +33,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     with staged_file(args.out) as staged:
         grid = read_map(args.map)
         load_kernels()  # before the clock of planning starts
-        plan = plan_path(grid, start=_pose(args.start), goal=_pose(args.goal), vehicle=VehicleGeometry(), spec=spec)
+        start, goal = pose_of_degrees(args.start), pose_of_degrees(args.goal)
+        plan = plan_path(grid, start=start, goal=goal, vehicle=VehicleGeometry(), spec=spec)
         if plan.path is not None:
             plan.path.to_csv(staged)
     return {
@@ -46,8 +48,3 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         "timings_ms": plan.timings_ms,
         "n_expansions": plan.n_expansions,
     }
-
-
-def _pose(values: list[float]) -> tuple[float, float, float]:
-    x, y, heading_deg = values
-    return x, y, float(np.deg2rad(heading_deg))
