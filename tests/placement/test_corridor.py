@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import sumolib
-from placement.networks import freeway, placed_on_freeway, zone
+from placement.networks import freeway, new_folder, placed_on_freeway, zone
 
 from wzsumo.errors import PlacementError, SpecError
 from wzsumo.placement.net import Net
@@ -67,3 +67,22 @@ def test_places_at_which_a_zone_cannot_stand_are_refused_with_their_rule(
 def test_posted_speed_is_that_of_the_network_unless_the_zone_gives_one() -> None:
     assert placed_on_freeway("m3", 300.0).layout.work_zone.posted_speed_mph == 65
     assert placed_on_freeway("m3", 300.0, posted_speed_mph=45).layout.work_zone.posted_speed_mph == 45
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<net version", '<net lefthand="true" version', "its traffic drives on the left"),
+        ('<edge id="m4" from=', '<edge id="m4" bidi="m3" from=', "edge 'm4' is one track for both directions"),
+        ('<edge id="m3" from=', '<edge id="m3" bidi="m4" from=', "edge 'm3' is one track for both directions"),
+        ('6000.00,498.40"/>', '6000.00,498.40"><neigh lane="m3_2"/></lane>', "vehicles on lane 'm4_2' overtake over edge 'm3'"),
+        ('4097.39,482.99"/>', '4097.39,482.99"><neigh lane="m4_2"/></lane>', "vehicles on lane 'm3_2' overtake over edge 'm4'"),
+        ('"m4', '"m3.wz1', "a piece of it would be called 'm3.wz1'"),
+    ],
+)
+def test_networks_that_a_zone_would_spoil_are_refused(old: str, new: str, words: str) -> None:
+    path, text = new_folder() / "some.net.xml", freeway().read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(PlacementError, match=words):
+        place_zone(Net.read(path), zone(), edge_id="m3", position=300.0)

@@ -18,12 +18,13 @@ from wzsumo.placement.xml_file import Element, XmlFile
 
 LANE = {"id": "m3_0", "length": "1600.00", "shape": "0,0 1600,0"}
 CUT = CutEdge(edge=NetEdge(Element("edge", {"id": "m3"}, 0), [NetLane(Element("lane", LANE, 0), 0)]), positions=(300.0, 900.0))
+LANE_COUNTS = {"m2": 3, "m3": 3, "m4": 3, "m5": 3}
 ALL = "m3.wz0 m3.wz1 m3.wz2"
 
 
 def rewriting_of(content: str) -> tuple[Rewriting, str]:
     file = XmlFile(path=Path("some.xml"), data=f"<additional>{content}</additional>".encode())
-    rewriting = Rewriting(cuts={"m3": CUT}, routes=Demand.read([file]).routes, rules=RULES)
+    rewriting = Rewriting(cuts={"m3": CUT}, routes=Demand.read([file]).routes, rules=RULES, lane_counts=LANE_COUNTS)
     return rewriting, rewriting.rewrite(file).decode().removeprefix("<additional>").removesuffix("</additional>")
 
 
@@ -135,7 +136,9 @@ def test_what_a_cut_would_part_is_refused(content: str, words: str) -> None:
 def test_stop_on_a_lane_that_the_zone_closes_is_refused() -> None:
     file = XmlFile(path=Path("some.xml"), data=b'<r><busStop id="b" lane="m3_0" startPos="400" endPos="410"/></r>')
     for closed, refused in (("m3.wz1_0", True), ("m3.wz0_0", False), ("m3.wz1_1", False)):
-        rewriting = Rewriting(cuts={"m3": CUT}, routes={}, rules=RULES, closed_lanes=frozenset({closed}))
+        rewriting = Rewriting(
+            cuts={"m3": CUT}, routes={}, rules=RULES, lane_counts=LANE_COUNTS, closed_lanes=frozenset({closed})
+        )
         with pytest.raises(PlacementError, match="lies on lane 'm3_0' where the zone closes it") if refused else nullcontext():
             rewriting.rewrite(file)
 
@@ -175,3 +178,26 @@ def test_every_change_is_on_record_with_file_element_and_rule() -> None:
             "to": "lane=m3.wz0_0 pos=5.00",
         },
     ]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ('<inductionLoop id="d" lane="m3_7" pos="1"/>', "the network has no lane 'm3_7'"),
+        ('<inductionLoop id="d" lane="m3" pos="1"/>', "the network has no lane 'm3'"),
+        ('<laneAreaDetector id="d" lanes="m2_0 n_0" pos="1" endPos="3"/>', "the network has no lane 'n_0'"),
+        ('<taz id="z" edges="m3 elsewhere"/>', "the network has no edge 'elsewhere'"),
+        ('<include href="more.xml"/>', "<include> reads href='more.xml'"),
+        ('<rerouter id="r" edges="m3" file="more.xml"/>', "<rerouter> reads file='more.xml'"),
+        ('<edgeData id="e" edgesFile="edges.txt" file="out.xml"/>', "<edgeData> reads edgesFile='edges.txt'"),
+    ],
+)
+def test_places_of_another_network_and_files_that_no_option_names_are_refused(content: str, words: str) -> None:
+    with pytest.raises(PlacementError, match=words):
+        rewritten(content)
+
+
+@pytest.mark.parametrize("count", ['number="1e400"', 'period="exp(x)"', 'period="0"', 'perHour="nan" end="nan"', 'end="soon"'])
+def test_flows_whose_number_is_none_are_left_to_sumo(count: str) -> None:
+    flow = f'<flow id="a" from="m2" to="m4" begin="0" {count}/>'
+    assert rewritten(flow) == flow

@@ -36,6 +36,11 @@ CONFIG = """<configuration>
     <time><begin value="0"/><end value="900"/></time>
 </configuration>"""
 
+GUI_SECTION = """    <gui_only>
+        <gui-settings-file value="wzsumo.zone.view.xml"/>
+    </gui_only>
+</configuration>"""
+
 
 def run_place(*words: object) -> tuple[int, str, str]:
     """(exit code, stdout, stderr) of `wzsumo place`."""
@@ -106,7 +111,7 @@ def test_three_configurations_keep_the_given_one_but_for_the_names_of_files() ->
         text = (out / name / "run.sumocfg").read_text()
         assert text == CONFIG.replace('"../small.net.xml"', '"small.net.xml"').replace("../demand", "demand").replace(
             '"detectors.add.xml"', f'"{additionals}"'
-        )
+        ).replace("</configuration>", GUI_SECTION)
     for file in ("small.net.xml", "demand.rou.xml"):
         assert (out / "original" / file).read_bytes() == (freeway().parent / file).read_bytes()
         assert (out / "open" / file).read_bytes() != (freeway().parent / file).read_bytes()
@@ -181,9 +186,43 @@ def test_zones_of_other_kinds_keep_everybody_off_the_closed_ground(zone: str, tm
 def test_zone_is_drawn_in_the_network_that_is_closed() -> None:
     out, figures = placed_freeway()
     root = ET.parse(out / "closed" / "wzsumo.zone.add.xml").getroot()
-    devices = [poly for poly in root.iter("poly") if poly.get("id", "").startswith("device_")]
+    devices = [poly for poly in root.iter("poly") if poly.get("id", "").startswith("wzsumo.zone.device_")]
     assert len(devices) == figures["n_devices"] == 26
     assert {poi.get("type") for poi in root.iter("poi")} >= {"W4-2L", "W20-5L", "W20-1", "G20-2"}
+
+
+def test_second_zone_in_a_network_that_has_one_loads_and_both_are_drawn(tmp_path: Path) -> None:
+    (tmp_path / "zone.toml").write_text(LEFT_LANE.replace("500", "100"))
+    first = placed_freeway()[0] / "closed"
+    words = ("--at", "m2", 100, "--sumocfg", first / "run.sumocfg", "--out", tmp_path / "out")
+    code, _, err = run_place(first / "small.net.xml", "--zone", tmp_path / "zone.toml", *words)
+    assert code == 0, err
+    second = tmp_path / "out" / "closed"
+    assert "Warning" not in simulate(second, "--end", "5")
+    drawn = {poly.get("id", "") for path in second.glob("*zone.add.xml") for poly in ET.parse(path).getroot().iter("poly")}
+    assert {"wzsumo.zone.device_000", "wzsumo.zone1.device_000"} <= drawn
+
+
+def test_window_opens_at_the_zone_unless_the_configuration_has_settings_of_its_own(tmp_path: Path) -> None:
+    for name in ("original", "open", "closed"):
+        viewport = ET.parse(placed_freeway()[0] / name / "wzsumo.zone.view.xml").getroot().find("viewport")
+        assert viewport is not None
+        assert float(viewport.get("x", 0)) == pytest.approx(2890, abs=100)  # edge m3 begins at 2,600 m
+        assert 5999 * 100 / float(viewport.get("zoom", 0)) == pytest.approx(320, abs=1)  # m of the 6 km
+    (tmp_path / "own.view.xml").write_text("<viewsettings/>")
+    own = '<gui_only><start value="true"/> <gui-settings-file value="own.view.xml"/></gui_only></configuration>'
+    (tmp_path / "given.sumocfg").write_text(
+        CONFIG.replace("</configuration>", own)
+        .replace("../small", str(freeway().parent / "small"))
+        .replace('<route-files value="../demand.rou.xml"/>', "")
+        .replace('<additional-files value="detectors.add.xml"/>', "")
+    )
+    (tmp_path / "zone.toml").write_text(LEFT_LANE)
+    words = ("--at", "m3", 300, "--sumocfg", tmp_path / "given.sumocfg", "--out", tmp_path / "out")
+    code, _, err = run_place(freeway(), "--zone", tmp_path / "zone.toml", *words)
+    assert code == 0, err
+    config = ET.parse(tmp_path / "out" / "closed" / "run.sumocfg").getroot()
+    assert [item.get("value") for item in config.iter("gui-settings-file")] == ["own.view.xml"]
 
 
 def test_zone_in_a_city_of_signals_loads_and_runs() -> None:

@@ -298,3 +298,20 @@ def test_no_body_of_an_ego_that_merges_in_traffic_ever_leaves_the_road_or_reache
                 lanes.add(lane)
     assert len(lanes) > 8
     assert len(known) >= 2
+
+
+def test_vehicles_types_and_routes_of_a_network_that_are_called_ego_are_traffic(files: SumoFiles, tmp_path: Path) -> None:
+    first, last = files.edges[0].id, files.edges[-1].id
+    demand = tmp_path / "ego.rou.xml"
+    demand.write_text(
+        f'<routes><vType id="ego" length="7"/><route id="ego" edges="{" ".join(ids_of(files))}"/>'
+        f'<vehicle id="ego" type="ego" route="ego" depart="0"/><flow id="ego" from="{first}" to="{last}" begin="1" end="9" '
+        'number="2" departLane="free"/></routes>'
+    )
+    with running(files.config, options=(*FINE, "--route-files", str(demand))) as session:
+        while session.time < 12:
+            session.step()
+        session.request_ego(CAR, edges=ids_of(files), lane=1, position=300.0, speed=10.0)
+        while not session.has_ego():
+            session.step()
+        assert set(session.traffic().ids) == {"ego", "ego.0", "ego.1"}

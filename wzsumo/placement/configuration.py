@@ -1,5 +1,6 @@
 """A SUMO configuration and the files that it names, read whole and written anew into a folder of its own."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,16 +11,19 @@ from wzsumo.placement.demand_files.vehicles import seconds_in
 from wzsumo.placement.xml_file import Edits, Element, XmlFile, escaped
 
 NET, ROUTES, ADDITIONALS, WEIGHTS = "net-file", "route-files", "additional-files", "weight-files"
-BEGIN = "begin"
+BEGIN, STEP, GUI_SETTINGS = "begin", "step-length", "gui-settings-file"
+GUI_SECTION = "gui_only"
+DEFAULT_STEP_S = 1.0  # SUMO's
 # SUMO's options by their other names (sumo --help).
 _SYNONYMS = {
     "n": NET, "net": NET, "r": ROUTES, "a": ADDITIONALS, "additional": ADDITIONALS, "w": WEIGHTS,
-    "weights": WEIGHTS, "g": "gui-settings-file", "b": BEGIN,
+    "weights": WEIGHTS, "g": GUI_SETTINGS, "gui-settings": GUI_SETTINGS, "b": BEGIN,
 }  # fmt: skip
 _STATES = ("load-state",)  # a saved state counts edges and lanes of the network that it was saved from
 _WRITTEN = ("output", "log", "prefix", "save-state")  # what SUMO writes, by what the option's name holds
 REQUIRED = (NET, ROUTES, ADDITIONALS, WEIGHTS)
 DRAWING, DEFAULT_TYPE, CLOSURE = "wzsumo.zone.add.xml", "wzsumo.vtype.add.xml", "wzsumo.closure.add.xml"
+VIEW = "wzsumo.zone.view.xml"
 CONFIG = "run.sumocfg"
 
 
@@ -43,7 +47,9 @@ class Configuration:
     additionals: tuple[Path, ...]
     weights: tuple[Path, ...] = ()  # travel times by edge
     options: tuple[Option, ...] = ()  # of the configuration's file, those that name files
+    gui_options: Element | None = None  # the last of the section <gui_only>
     begin: float = 0.0  # s, SUMO's time at which the simulation begins
+    step_length: float = DEFAULT_STEP_S
 
     @classmethod
     def of_files(cls, net: Path, routes: Iterable[Path], additionals: Iterable[Path]) -> Self:
@@ -55,14 +61,17 @@ class Configuration:
         """The configuration of a sumocfg. Raises PlacementError where a file that it names is missing."""
         file = XmlFile.read(path, role="the configuration")
         options: list[Option] = []
-        begins: list[str] = []
+        times: dict[str, str] = {}
+        gui_options: list[Element] = []
 
         def take(element: Element) -> None:
+            if element.tag == GUI_SECTION:
+                gui_options.extend(element.children)
             for item in element.walk():
                 key = "value" if "value" in item.attributes else "v"
                 name = _SYNONYMS.get(item.tag, item.tag)
-                if name == BEGIN:
-                    begins.append(item.get(key))
+                if name in {BEGIN, STEP}:
+                    times[name] = item.get(key)
                 if item.get(key) and (found := _files_of(name, item.get(key), path)):
                     options.append(Option(name=name, element=item, key=key, files=found))
 
@@ -79,8 +88,18 @@ class Configuration:
             additionals=named.get(ADDITIONALS, ()),
             weights=named.get(WEIGHTS, ()),
             options=tuple(options),
-            begin=seconds_in(begins[-1], 0.0) if begins else 0.0,
+            gui_options=gui_options[-1] if gui_options else None,
+            begin=_seconds(path, times, BEGIN, 0.0),
+            step_length=_seconds(path, times, STEP, DEFAULT_STEP_S),
         )
+
+    def place_of_view(self) -> tuple[int, str]:
+        """(byte of the configuration's file, text to insert there) so that sumo-gui opens with the view VIEW."""
+        option = f'<{GUI_SETTINGS} value="{VIEW}"/>'
+        if self.gui_options:
+            return self.gui_options.end, f"\n        {option}"
+        data = self.file.data if self.file else b""
+        return data.rindex(b"</"), f"    <{GUI_SECTION}>\n        {option}\n    </{GUI_SECTION}>\n"
 
     @property
     def demand(self) -> tuple[Path, ...]:
@@ -89,7 +108,7 @@ class Configuration:
 
     @property
     def others(self) -> tuple[Path, ...]:
-        """Files that SUMO reads and that are name no edges, such as settings of sumo-gui."""
+        """Files that SUMO reads and that name no edges, such as settings of sumo-gui."""
         own = {self.net, *self.routes, *self.additionals, *self.weights}
         return tuple(dict.fromkeys(file for option in self.options for file in option.files if file not in own))
 
@@ -106,7 +125,7 @@ class ConfigurationFolder:
         """Choose a name for each file: its own, with a number where two files share one."""
         configuration = self.configuration
         for path in (configuration.net, *configuration.demand, *configuration.others):
-            taken = set(self.names.values()) | {CONFIG, DRAWING, DEFAULT_TYPE, CLOSURE}
+            taken = set(self.names.values()) | {CONFIG, DRAWING, DEFAULT_TYPE, CLOSURE, VIEW}
             candidates = (path.name if n == 0 else f"{n}_{path.name}" for n in range(1000))
             self.names.setdefault(path, next(name for name in candidates if name not in taken))
         self.folder.mkdir(parents=True)
@@ -116,7 +135,10 @@ class ConfigurationFolder:
         (self.folder / self.names[path]).write_bytes(content)
 
     def write_config(self, *, first: list[str], last: list[str]) -> None:
-        """Write the configuration; `first` and `last` are additional files of the toolkit's, before and behind the others."""
+        """Write the configuration; `first` and `last` are additional files of the toolkit's, before and behind the others.
+
+        sumo-gui opens with the view VIEW where the configuration names no settings of its own.
+        """
         configuration = self.configuration
         additionals = [*first, *(self.names[path] for path in configuration.additionals), *last]
         if configuration.file is None:
@@ -130,6 +152,8 @@ class ConfigurationFolder:
         if additionals and not any(option.name == ADDITIONALS for option in configuration.options):
             net = next(option for option in configuration.options if option.name == NET)
             edits.insert(net.element.end, f'\n        <{ADDITIONALS} value="{escaped(",".join(additionals))}"/>')
+        if not any(option.name == GUI_SETTINGS for option in configuration.options):
+            edits.insert(*configuration.place_of_view())
         (self.folder / CONFIG).write_bytes(edits.apply())
 
 
@@ -147,10 +171,21 @@ def _files_of(name: str, value: str, config: Path) -> tuple[Path, ...]:
     return () if missing else tuple(path.resolve() for path in paths)
 
 
+def _seconds(config: Path, times: dict[str, str], name: str, default: float) -> float:
+    """The time [s] that an option gives. Raises PlacementError where it gives none."""
+    if name not in times:
+        return default
+    seconds = seconds_in(times[name], float("nan"))
+    if not math.isfinite(seconds):
+        raise PlacementError(f"{config}: {name}={times[name]!r} is no time; give seconds, or hours:minutes:seconds")
+    return seconds
+
+
 def _plain_config(net: str, routes: list[str], additionals: list[str]) -> str:
     rows = [(NET, net)] + [(key, ",".join(names)) for key, names in ((ROUTES, routes), (ADDITIONALS, additionals)) if names]
     inputs = "\n".join(f'        <{key} value="{escaped(value)}"/>' for key, value in rows)
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<configuration>\n    <input>\n'
-        f'{inputs}\n    </input>\n    <report>\n        <xml-validation value="never"/>\n    </report>\n</configuration>\n'
+        f'{inputs}\n    </input>\n    <gui_only>\n        <{GUI_SETTINGS} value="{VIEW}"/>\n    </gui_only>\n'
+        '    <report>\n        <xml-validation value="never"/>\n    </report>\n</configuration>\n'
     )

@@ -1,6 +1,5 @@
 """What the placement reads of a SUMO network: edges, lanes, connections and junctions, each with its place in the file."""
 
-import math
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,8 +9,9 @@ from typing import Self
 
 import numpy as np
 
-from wzsumo.errors import MAX_SHOWN, PlacementError, one_line
+from wzsumo.errors import PlacementError
 from wzsumo.frames import FloatArray, arc_length
+from wzsumo.placement.net_check import check_numbers, check_references, whole_number
 from wzsumo.placement.xml_file import Element, XmlFile
 
 DEFAULT_LANE_WIDTH_M = 3.2  # SUMO's, where a lane says none
@@ -127,6 +127,7 @@ class Net:
     junctions: dict[str, Element]
     roundabouts: list[Element]
     location: dict[str, str] = field(default_factory=dict)
+    lefthand: bool = False
     junctions_end: int = 0  # byte behind the last junction
     connections_begin: int = 0  # byte of the first connection
 
@@ -146,11 +147,9 @@ class Net:
                 case "edge":
                     lanes = [lane for lane in element.children if lane.tag == "lane"]
                     edges[element.get("id")] = NetEdge(element, [NetLane(lane, i) for i, lane in enumerate(lanes)])
-                    for lane in edges[element.get("id")].lanes:
-                        _check_values(lane)
                 case "connection":
                     places["connections_begin"] = places["connections_begin"] or element.begin
-                    lanes_ = int(element.get("fromLane", "0")), int(element.get("toLane", "0"))
+                    lanes_ = (whole_number(path, element, key) for key in ("fromLane", "toLane"))
                     connections.append(Connection(element, element.get("from"), element.get("to"), *lanes_))
                 case "junction":
                     junctions[element.get("id")] = element
@@ -159,7 +158,6 @@ class Net:
                     roundabouts.append(element)
                 case "location":
                     location.update(element.attributes)
-                    location["netOffset"] = ",".join(str(_finite(part)) for part in element.get("netOffset", "0,0").split(","))
 
         root = file.root_and_children(take)
         if root.tag != "net" or not edges or not connections:
@@ -167,11 +165,12 @@ class Net:
                 f"{path}: is no SUMO network (its root is <{root.tag}>, with {len(edges)} edges and {len(connections)} "
                 "connections); give the .net.xml that netconvert or netedit wrote"
             )
-        _check_lanes(path, edges)
-        _check_links(path, edges, connections)
+        check_numbers(path, [edge.element for edge in edges.values()], junctions.values(), location=location)
+        lane_counts = {edge.id: len(edge.lanes) for edge in edges.values()}
+        check_references(path, [link.element for link in connections], lane_counts=lane_counts)
         return cls(
             file=file, edges=edges, connections=connections, junctions=junctions, roundabouts=roundabouts,
-            location=location, **places,
+            location=location, lefthand=root.get("lefthand") in {"true", "1", "yes", "on"}, **places,
         )  # fmt: skip
 
     @cached_property
@@ -184,6 +183,12 @@ class Net:
         """Connections between ordinary edges by the edge and the lane that they reach."""
         ordinary = [link for link in self.connections if not link.from_edge.startswith(":")]
         return _grouped(ordinary, lambda link: (link.to_edge, link.to_lane))
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """Least x and y, greatest x and y [m] of the junctions, between which sumo-gui shows the whole network."""
+        points = np.array([[float(node.get("x")), float(node.get("y"))] for node in self.junctions.values()])
+        return *points.min(axis=0).tolist(), *points.max(axis=0).tolist()
 
     def lane_of(self, lane_id: str) -> NetLane:
         """The lane of an id such as E_0 or :J_3_0."""
@@ -231,54 +236,6 @@ def point_on(lane: NetLane, position: float) -> FloatArray:
     along = arc_length(points)
     at = np.clip(position / lane.length, 0, 1) * along[-1]
     return np.array([np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])])
-
-
-def _check_lanes(path: Path, edges: dict[str, NetEdge]) -> None:
-    for edge in edges.values():
-        try:
-            good = bool(edge.lanes) and all(lane.length > 0 and lane.element.get("shape") for lane in edge.lanes)
-        except ValueError:
-            good = False
-        if not good:
-            raise PlacementError(
-                f"{path}: edge {edge.id!r} has no lanes with a length and a shape; a plain edge file is no network: build it "
-                "with netconvert"
-            )
-
-
-def _check_values(lane: NetLane) -> None:
-    """Raise ValueError where a lane that is there in full holds what is no number, or no line."""
-    values = lane.element.attributes
-    for key in ("length", "width", "speed"):
-        if values.get(key) and (value := _finite(values[key])) < 0:
-            raise ValueError(f"{key}={value:g} of lane {lane.id!r} is negative")
-    if values.get("shape"):
-        points = lane.points
-        if len(points) < 2 or not np.isfinite(points).all():
-            raise ValueError(f"the shape of lane {lane.id!r} is no line of two points or more")
-
-
-def _finite(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError(f"{text!r} is no finite number")
-    return value
-
-
-def _check_links(path: Path, edges: dict[str, NetEdge], connections: list[Connection]) -> None:
-    """Raise PlacementError where a connection is of a lane that is not there."""
-    lanes = {lane.id for edge in edges.values() for lane in edge.lanes}
-    for link in connections:
-        ends = ((link.from_edge, link.from_lane), (link.to_edge, link.to_lane))
-        if any(edge not in edges or not 0 <= lane < len(edges[edge].lanes) for edge, lane in ends) or (
-            link.via and link.via not in lanes
-        ):
-            shown = one_line(
-                f"{link.from_edge!r} lane {link.from_lane} to {link.to_edge!r} lane {link.to_lane}", limit=MAX_SHOWN
-            )
-            raise PlacementError(
-                f"{path}: the connection from {shown} is of a lane that the network has not; build it anew with netconvert"
-            )
 
 
 def _grouped(

@@ -6,11 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from wzsumo.placement.change import Change
 from wzsumo.placement.cuts import CutEdge, number_text, text_of_shape
 from wzsumo.placement.lane_states import ClosedLanes, Piece
 from wzsumo.placement.net import Net, NetLane, point_on
-from wzsumo.placement.xml_file import Edits, Element, start_tag
+from wzsumo.placement.xml_file import Change, Edits, Element, start_tag
 
 ONLY_AT_THE_END = ("stopOffset",)  # children of an edge or a lane that count from its end
 Lanes = dict[int, dict[str, str | None]]

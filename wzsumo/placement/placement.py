@@ -9,9 +9,8 @@ from typing import Any
 from wzsumo.errors import PlacementError, SpecError
 from wzsumo.files.layout import write_layout
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.placement.change import Change
 from wzsumo.placement.clear_ground import check_clear_ground
-from wzsumo.placement.configuration import CLOSURE, DEFAULT_TYPE, DRAWING, Configuration, ConfigurationFolder
+from wzsumo.placement.configuration import CLOSURE, DEFAULT_TYPE, DRAWING, VIEW, Configuration, ConfigurationFolder
 from wzsumo.placement.corridor import Corridor, find_corridor
 from wzsumo.placement.demand_files.edge_rules import EDGE_RULES
 from wzsumo.placement.demand_files.lane_rules import LANE_RULES
@@ -25,13 +24,13 @@ from wzsumo.placement.movements import Route, lost_movements, routes_of, vehicle
 from wzsumo.placement.net import Net
 from wzsumo.placement.net_patch import NetPatch
 from wzsumo.placement.place_on_net import edge_at, known_frame
-from wzsumo.placement.refusals import SIGNALS, check_cuts, check_signals
+from wzsumo.placement.refusals import SIGNALS, check_cuts, check_net, check_other_direction, check_signals
 from wzsumo.placement.study.zone_times import ZoneTimes, rerouters
-from wzsumo.placement.xml_file import XmlFile
+from wzsumo.placement.xml_file import Change, XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace, on_side
 from wzsumo.road import Road, RoadSpec
 from wzsumo.simulation.demand import LOOK_AHEAD_M
-from wzsumo.simulation.drawing.zone_drawing import write_drawing
+from wzsumo.simulation.drawing.zone_drawing import write_drawing, write_view
 from wzsumo.units import feet_from_metres
 from wzsumo.work_zone import Side, WorkZone, WorkZoneLayout
 
@@ -66,6 +65,7 @@ def place_zone(net: Net, zone: ZoneToPlace, *, edge_id: str, position: float, si
 
     Raises PlacementError where the zone cannot stand there, SpecError where the manual does not lay it out so.
     """
+    check_net(net)
     edge, position = edge_at(net, edge_id, position)
     roadway = [lane for lane in edge.lanes if lane.is_roadway]
     work_zone, doubts = zone.at_speed(roadway[-1].speed if roadway else 0.0)
@@ -73,8 +73,9 @@ def place_zone(net: Net, zone: ZoneToPlace, *, edge_id: str, position: float, si
     corridor = _corridor(net, edge_id, position, work_zone, zone)
     layout = _lay_out(corridor, work_zone)
     plan = plan_lanes(corridor, layout)
-    check_cuts(plan.cuts)
+    check_cuts(net, plan.cuts)
     closed = ClosedLanes(plan=plan)
+    check_other_direction(net, closed)
     check_signals(plan)
     check_clear_ground(plan, closed)
     return Placed(plan=plan, closed=closed, doubts=tuple(doubts))
@@ -98,9 +99,17 @@ def write_placement(
     demand = Demand.read(list(files.values()))
     _check_edges_are_there(net, demand, configuration)
     doubts = _check_routes(placed, demand)
-    rewriting = Rewriting(cuts=cuts, routes=demand.routes, rules=RULES, closed_lanes=placed.closed.closed_lanes, doubts=doubts)
+    rewriting = Rewriting(
+        cuts=cuts,
+        routes=demand.routes,
+        rules=RULES,
+        lane_counts={edge.id: len(edge.lanes) for edge in net.edges.values()},
+        closed_lanes=placed.closed.closed_lanes,
+        doubts=doubts,
+    )
     rewritten = {path: rewriting.rewrite(file) for path, file in files.items()}
     default_type = DEFAULT_TYPE if demand.uses_default_type and not demand.defines_default_type else None
+    prefix = _unused_prefix(demand.named)
     changes: list[Change] = []
     for name in names:
         target = ConfigurationFolder(folder=folder / name, configuration=configuration)
@@ -116,12 +125,13 @@ def write_placement(
             (target.folder / default_type).write_text(_default_type_text(), encoding="utf-8")
             first = [default_type]
         if closed:
-            write_drawing(placed.layout, target.folder / DRAWING)
+            write_drawing(placed.layout, target.folder / DRAWING, prefix=prefix)
             last = [DRAWING]
         if closed and times is not None:
-            text = rerouters(placed.closed, times, begin=configuration.begin)
+            text = rerouters(placed.closed, times, begin=configuration.begin, prefix=prefix)
             (target.folder / CLOSURE).write_text(text, encoding="utf-8")
             last = [CLOSURE, DRAWING]
+        write_view(placed.layout, target.folder / VIEW, step_length=configuration.step_length, network=net.bounds)
         target.write_config(first=first, last=last)
         changes = patch.changes
     report = _report(placed, rewriting, changes)
@@ -153,13 +163,24 @@ def _laid_out(work_zone: WorkZone, road: Road, edge_id: str) -> WorkZoneLayout:
         raise SpecError(f"on edge {edge_id!r}: {error}") from None
 
 
+def _unused_prefix(named: set[str]) -> str:
+    """What ids of the zone's drawing and rerouters begin with, and none of the network's does: zones stand side by side."""
+    prefixes = (f"wzsumo.zone{number or ''}." for number in range(len(named) + 1))
+    return next(prefix for prefix in prefixes if not any(id_.startswith(prefix) for id_ in named))
+
+
 def _check_edges_are_there(net: Net, demand: Demand, configuration: Configuration) -> None:
     """Raise PlacementError where routes or trips name edges that the network has not."""
     named = {edge for route in demand.routes.values() for edge in route} | {
         edge for trip in demand.trips for edge in trip.edges
     }
+    files = ", ".join(path.name for path in configuration.demand)
+    if demand.missing_routes:
+        raise PlacementError(
+            f"{files}: vehicles drive on route {min(demand.missing_routes)!r}, which is in none of these files; give the file "
+            "that has it, too"
+        )
     if missing := sorted(named - net.edges.keys()):
-        files = ", ".join(path.name for path in configuration.demand)
         raise PlacementError(
             f"{files}: {len(missing)} of {len(named)} edges that vehicles drive on are not in {net.file.path}, such as "
             f"{missing[0]!r}; give the routes of this network"

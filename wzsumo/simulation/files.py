@@ -79,7 +79,7 @@ def write_sumo_files(
         opposing=opposing_edges_of(layout), closed_at=closed_at,
     )  # fmt: skip
     additional = write_drawing(layout, folder / "zone.add.xml")
-    view = write_view(layout, folder / "zone.view.xml")
+    view = write_view(layout, folder / "zone.view.xml", step_length=spec.step_length_s)
     root = ET.Element("configuration")
     sections = {
         "input": {"net-file": net.name, "route-files": routes.name, "additional-files": additional.name},

@@ -19,7 +19,7 @@ from wzsumo.simulation.turns import OWN_LINK, SIGNAL_ID
 from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 
-EGO_ID = "ego"
+EGO_ID = "wzsumo.ego"  # of its vehicle, vType and route, which a network's own demand must not bear
 EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for cars
 # By how much the ego's bodies are wider than the ego on either side: SUMO's drivers keep no lateral gap to a vehicle that
 # moveToXY placed. Chosen by us.
@@ -51,7 +51,8 @@ class Session:
         self._begin = begin
         self._edges = edges
         self._sizes: dict[str, tuple[float, float]] = {}
-        self._bodies: dict[int, str] = {}  # SUMO's vehicle that is the ego's body, by the lane of the road
+        self._own: set[str] = set()  # SUMO's vehicles that are the ego's bodies
+        self._bodies: dict[int, str] = {}  # the one of them that stands in a lane of the road, by lane
         self._spare = [EGO_ID]  # bodies that stand for no part of the ego at present
         self._widths: dict[str, float] = {}  # m, of each body where it was put last
         self._emergency_braking: set[str] = set()
@@ -74,7 +75,7 @@ class Session:
         """The vehicles on the road now, without the ego's bodies; in a network those on the edges that are looked at."""
         vehicle, edge = self._sumo.vehicle, self._sumo.edge
         there = [v for id_ in self._edges for v in edge.getLastStepVehicleIDs(id_)] if self._edges else vehicle.getIDList()
-        ids = tuple(v for v in there if not v.startswith(EGO_ID))
+        ids = tuple(v for v in there if v not in self._own)
         for id_ in ids:
             if id_ not in self._sizes:
                 self._sizes[id_] = (vehicle.getLength(id_), vehicle.getWidth(id_))
@@ -93,7 +94,7 @@ class Session:
     def limit_speed(self, name: str, speed: float | None) -> None:
         """From now on the vehicle wants to drive no faster than `speed` [m/s]; None: as fast as its type may."""
         api = self._sumo.vehicle
-        own = self._sumo.vehicletype.getMaxSpeed(_own_type(api.getTypeID(name)))
+        own = self._sumo.vehicletype.getMaxSpeed(_own_type(api.getTypeID(name), name))
         api.setMaxSpeed(name, own if speed is None else speed)
 
     def may_enter_shared_lane(self) -> bool:
@@ -111,6 +112,7 @@ class Session:
         api.vehicletype.setLength(EGO_ID, vehicle.length_m)
         api.vehicletype.setWidth(EGO_ID, vehicle.width_m + 2 * SIDE_CLEARANCE_M)
         api.route.add(EGO_ID, list(edges))
+        self._own.add(EGO_ID)
         api.vehicle.add(
             EGO_ID,
             EGO_ID,
@@ -141,7 +143,7 @@ class Session:
         for name in set(names) - self._emergency_braking:
             api.setEmergencyDecel(name, EMERGENCY_DECEL_MPS2)
         for name in (self._emergency_braking - set(names)) & set(api.getIDList()):
-            own = self._sumo.vehicletype.getEmergencyDecel(_own_type(api.getTypeID(name)))
+            own = self._sumo.vehicletype.getEmergencyDecel(_own_type(api.getTypeID(name), name))
             api.setEmergencyDecel(name, own)
         self._emergency_braking = set(names)
 
@@ -183,7 +185,8 @@ class Session:
         api.setSpeed(name, speed)
 
     def _add_body(self) -> str:
-        name = f"{EGO_ID}.{len(self._bodies)}"
+        name = f"{EGO_ID}.{len(self._own)}"
+        self._own.add(name)
         self._sumo.vehicle.add(name, EGO_ID, typeID=EGO_ID, depart="now")
         self._take_over(name)
         return name
@@ -193,9 +196,9 @@ class Session:
         self._sumo.vehicle.setLaneChangeMode(name, 0)
 
 
-def _own_type(type_id: str) -> str:
+def _own_type(type_id: str, name: str) -> str:
     """The type that a vehicle was inserted with: SUMO gives a vehicle with a value of its own a copy, type@vehicle."""
-    return type_id.split("@", maxsplit=1)[0]
+    return type_id.removesuffix(f"@{name}")
 
 
 @contextmanager

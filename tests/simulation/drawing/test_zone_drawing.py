@@ -51,8 +51,7 @@ def test_view_shows_the_first_device_without_marks_at_the_ends_of_edges(tmp_path
     width = 1829 * 100 / float(viewport.attrib["zoom"])  # of a road of 6,000 ft
     assert abs(float(viewport.attrib["x"]) - 457.2) < width / 2
     assert width < 400
-    shown = (
-        ET.parse(write_view(load_scenario("one_lane_signal").layout(), tmp_path / "turns.xml")).getroot().find("scheme/edges")
-    )
+    turns = write_view(load_scenario("one_lane_signal").layout(), tmp_path / "turns.xml", step_length=0.1)
+    shown = ET.parse(turns).getroot().find("scheme/edges")
     assert shown is not None
     assert shown.attrib["showLinkRules"] == "1"  # the signal that both directions wait at

@@ -13,13 +13,29 @@ def list_pieces(file: RewrittenFile, element: Element, key: str) -> None:
     _rewrite_list(file, element, key, file.pieces)
 
 
+def refuse_other_file(file: RewrittenFile, element: Element, key: str) -> None:
+    """Raise PlacementError where an element has its content in a file of its own, which no option names."""
+    if element.get(key):
+        raise PlacementError(
+            f"{file.file.path}: <{element.tag}> reads {key}={element.get(key)!r}, which is not rewritten; put its content "
+            "here instead"
+        )
+
+
+def refuse_inclusion(file: RewrittenFile, element: Element, _: Element | None) -> None:
+    """Raise PlacementError for a file that includes another."""
+    refuse_other_file(file, element, "href")
+
+
 def rewrite_output(file: RewrittenFile, element: Element, _: Element | None) -> None:
     """Output by edge or lane tells of all pieces, which are then to be added up."""
+    refuse_other_file(file, element, "edgesFile")
     list_pieces(file, element, "edges")
 
 
 def rewrite_speed_sign(file: RewrittenFile, element: Element, _: Element | None) -> None:
     """A variable speed sign holds on all pieces."""
+    refuse_other_file(file, element, "file")
 
     def lanes(lane: str) -> tuple[str, ...]:
         cut, index = file.cut_lane(lane)
@@ -30,6 +46,7 @@ def rewrite_speed_sign(file: RewrittenFile, element: Element, _: Element | None)
 
 def rewrite_rerouter(file: RewrittenFile, element: Element, _: Element | None) -> None:
     """A rerouter acts where the edge begins; vehicles that depart further on do not meet it."""
+    refuse_other_file(file, element, "file")
     if cut := [edge for edge in element.get("edges").split() if edge in file.cuts]:
         file.rewriting.doubts.append(
             f"rerouter {element.get('id')!r} acts on the first piece of {', '.join(cut)}: vehicles that depart on the others "
@@ -41,7 +58,7 @@ def rewrite_rerouter(file: RewrittenFile, element: Element, _: Element | None) -
 def rewrite_zone(file: RewrittenFile, element: Element, _: Element | None) -> None:
     """A cut edge of a traffic zone stays one source and one sink: as a list of pieces it would count once for each."""
     ids = element.get("edges").split()
-    cut = [id_ for id_ in ids if id_ in file.cuts]
+    cut = [id_ for id_ in ids if file.cut_edge(id_)]
     if cut:
         kept = " ".join(id_ for id_ in ids if id_ not in file.cuts)
         file.set(element, {"edges": kept or None}, "lists source and sink of a cut edge by themselves")
@@ -105,6 +122,7 @@ def _rewrite_list(file: RewrittenFile, element: Element, key: str, pieces: Calla
 
 
 EDGE_RULES: dict[str, Rule] = {
+    "include": refuse_inclusion,
     "edgeData": rewrite_output,
     "laneData": rewrite_output,
     "variableSpeedSign": rewrite_speed_sign,

@@ -8,9 +8,9 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from wzsumo.placement.change import Change
+from wzsumo.errors import PlacementError
 from wzsumo.placement.cuts import CutEdge
-from wzsumo.placement.xml_file import Edits, Element, XmlFile
+from wzsumo.placement.xml_file import Change, Edits, Element, XmlFile
 
 
 @dataclass(eq=False)
@@ -20,6 +20,7 @@ class Rewriting:
     cuts: dict[str, CutEdge]  # by the old id
     routes: dict[str, list[str]]  # edges by the id of a route, of all files
     rules: "dict[str, Rule]"  # by the element's tag
+    lane_counts: dict[str, int]  # of the network's edges, by id
     closed_lanes: frozenset[str] = frozenset()  # ids of pieces' lanes that the zone closes
     changes: list[Change] = field(default_factory=list)
     departures: Counter[str] = field(default_factory=Counter)  # vehicles that depart on a cut edge, by edge
@@ -82,18 +83,31 @@ class RewrittenFile:
         change = Change(file=self.file.path.name, element=element.tag, id=element.get("id"), what=what, to=to)
         self.rewriting.changes.append(change)
 
+    def cut_edge(self, edge: str) -> CutEdge | None:
+        """The cuts of an edge; None where it is not cut. Raises PlacementError where the network has no such edge."""
+        if edge not in self.rewriting.lane_counts:
+            raise PlacementError(f"{self.file.path}: the network has no edge {edge!r}; give the files of this network")
+        return self.cuts.get(edge)
+
     def cut_lane(self, lane: str) -> tuple[CutEdge | None, str]:
-        """The cut edge of a lane and the lane's index; no edge where it is not cut."""
+        """The cut edge of a lane and the lane's index; no edge where it is not cut, or no lane is named.
+
+        Raises PlacementError where the network has no such lane.
+        """
         edge, index = split_lane(lane)
+        if lane and not (index.isdecimal() and int(index) < self.rewriting.lane_counts.get(edge, 0)):
+            raise PlacementError(f"{self.file.path}: the network has no lane {lane!r}; give the files of this network")
         return self.cuts.get(edge), index
 
     def first_piece(self, edge: str) -> str:
         """The piece on which an edge begins."""
-        return self.cuts[edge].ids[0] if edge in self.cuts else edge
+        cut = self.cut_edge(edge)
+        return cut.ids[0] if cut else edge
 
     def pieces(self, edge: str) -> tuple[str, ...]:
         """All pieces of an edge; the edge itself where it is not cut."""
-        return self.cuts[edge].ids if edge in self.cuts else (edge,)
+        cut = self.cut_edge(edge)
+        return cut.ids if cut else (edge,)
 
 
 Rule = Callable[[RewrittenFile, Element, Element | None], None]

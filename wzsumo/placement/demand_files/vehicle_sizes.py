@@ -11,13 +11,19 @@ CLASS_SIZES = {
     "vip": (5.0, 1.8), "army": (5.0, 1.8), "authority": (5.0, 1.8), "custom1": (5.0, 1.8), "custom2": (5.0, 1.8),
     "ignoring": (5.0, 1.8), "emergency": (6.5, 2.16), "delivery": (6.5, 2.16), "truck": (7.1, 2.4), "trailer": (16.5, 2.55),
     "bus": (12.0, 2.5), "coach": (14.0, 2.6), "motorcycle": (2.2, 0.9), "moped": (2.1, 0.78), "bicycle": (1.6, 0.65),
-    "scooter": (1.2, 0.5),
+    "scooter": (1.2, 0.5), "wheelchair": (1.2, 0.72), "tram": (22.0, 2.4), "rail_urban": (109.5, 3.0), "subway": (109.5, 3.0),
+    "rail": (135.0, 2.84), "rail_electric": (200.0, 2.95), "rail_fast": (200.0, 2.95), "ship": (17.0, 4.0),
+    "cable_car": (5.0, 1.8), "aircraft": (72.7, 79.8), "drone": (0.5, 0.5),
+}  # fmt: skip
+# SUMO's own types by their class (ibid.).
+OWN_TYPES = {
+    DEFAULT_TYPE: DEFAULT_CLASS, "DEFAULT_TAXITYPE": "taxi", "DEFAULT_BIKETYPE": "bicycle", "DEFAULT_RAILTYPE": "rail",
 }  # fmt: skip
 
 
 def vehicle_sizes(files: Iterable[XmlFile]) -> dict[str, tuple[float, float]]:
-    """(length, width) [m] by the id of each vehicle type of the files, SUMO's default type included."""
-    sizes = {DEFAULT_TYPE: CLASS_SIZES[DEFAULT_CLASS]}
+    """(length, width) [m] by the id of each vehicle type of the files, SUMO's own types included."""
+    sizes = {name: CLASS_SIZES[vehicle_class] for name, vehicle_class in OWN_TYPES.items()}
 
     def take(element: Element) -> None:
         for item in element.walk():

@@ -28,6 +28,8 @@ class Demand:
     trips: Counter[Trip] = field(default_factory=Counter)  # number of vehicles
     uses_default_type: bool = False
     defines_default_type: bool = False
+    missing_routes: set[str] = field(default_factory=set)  # ids of routes that vehicles name and no file has
+    named: set[str] = field(default_factory=set)  # ids of polygons, points to draw and rerouters
     _classes: dict[str, str] = field(default_factory=dict)
     _vehicles: list[tuple[Element, str]] = field(default_factory=list)
 
@@ -54,6 +56,8 @@ class Demand:
                 self.defines_default_type |= item.get("id") == DEFAULT_TYPE
             elif item.tag == "route" and item.get("id"):
                 self.routes[item.get("id")] = item.get("edges").split()
+            elif item.tag in {"poly", "poi", "rerouter"}:
+                self.named.add(item.get("id"))
         if element.tag == "vTypeDistribution":
             members = [child.get("id") for child in element.children] + element.get("vTypes").split()
             self._classes[element.get("id")] = next((self._classes[m] for m in members if m in self._classes), DEFAULT_CLASS)
@@ -68,6 +72,8 @@ class Demand:
         embedded = [child for child in element.children if child.tag == "route"]
         edges = embedded[0].get("edges").split() if embedded else self.routes.get(element.get("route"), [])
         routed = bool(edges)
+        if element.get("route") and element.get("route") not in self.routes:
+            self.missing_routes.add(element.get("route"))
         if not routed:
             ends = [element.get("from"), *element.get("via").split(), element.get("to")]
             edges = [edge for edge in ends if edge]

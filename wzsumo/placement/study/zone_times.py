@@ -85,10 +85,10 @@ def timed_lanes(closed: ClosedLanes) -> dict[tuple[str, int], float]:
     return found
 
 
-def rerouters(closed: ClosedLanes, times: ZoneTimes, *, begin: float) -> str:
+def rerouters(closed: ClosedLanes, times: ZoneTimes, *, begin: float, prefix: str) -> str:
     """An additional file that bars the zone's lanes for its time; `begin` is SUMO's time at the simulation's beginning.
 
-    The rerouters send nobody elsewhere: their probability is 0.
+    Ids begin with `prefix`. The rerouters send nobody elsewhere: their probability is 0.
     """
     first = first_barred_station(closed)
     until = begin + (1e9 if times.end is None else times.end)
@@ -99,6 +99,6 @@ def rerouters(closed: ClosedLanes, times: ZoneTimes, *, begin: float) -> str:
         lane = start_tag("closingLaneReroute", {"id": f"{edge}_{index}", "disallow": "all"}, empty=True)
         interval = start_tag("interval", {"begin": f"{at:.1f}", "end": f"{until:.1f}"}, empty=False)
         on = next(piece.id for piece in closed.pieces)
-        rerouter = start_tag("rerouter", {"id": f"wzsumo.zone.{number}", "edges": on, "probability": "0"}, empty=False)
+        rerouter = start_tag("rerouter", {"id": f"{prefix}{number}", "edges": on, "probability": "0"}, empty=False)
         rows.append(f"    {rerouter}\n        {interval}{lane}</interval>\n    </rerouter>\n")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<additional>\n{"".join(rows)}</additional>\n'

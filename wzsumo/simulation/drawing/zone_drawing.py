@@ -14,6 +14,7 @@ from wzsumo.work_zone import DeviceKind, RoadType, WorkZoneLayout
 
 PICTURES = "signs"  # folder beside the drawing
 OUTLINE_TOLERANCE_M = 0.01  # of a device's outline as it is drawn
+Bounds = tuple[float, float, float, float]  # least x and y, greatest x and y [m]
 _AREA_COLOURS = {"closed_area": "230,159,0,120", "drivable": "0,158,115,60"}  # Okabe-Ito orange, green
 _SHOULDER_COLOUR = "150,150,150"
 # Sizes of pictures, in metres of the map: large enough to be read where the window shows some 300 m. Chosen by us
@@ -21,11 +22,13 @@ SIGN_M, BOARD_M, DEVICE_M = 16.0, 16.0, 2.2
 POST_COLOUR, DEVICE_COLOUR = "90,90,90", "213,94,0"
 FIRST_PLACE_M, PLACES_APART_M = 10.0, 20.0  # of signs that stand ahead of the modelled road
 VIEW_M, VIEW_AHEAD_M = 320.0, 130.0  # length that the view shows, and how much of it lies ahead of the first device
-DELAY_MS = 50  # of a step of 0.1 s: twice as fast as life
+TIMES_AS_FAST_AS_LIFE = 2.0  # at which the window begins to show; chosen by us
 
 
-def write_drawing(layout: WorkZoneLayout, path: Path) -> Path:
+def write_drawing(layout: WorkZoneLayout, path: Path, *, prefix: str = "") -> Path:
     """Write the zone as polygons and pictures that sumo-gui draws; returns the file's path. Pictures lie beside it in signs/.
+
+    All ids begin with `prefix`, so that they are none of those which a network's own files use.
 
     Signs stand outside of the road, at the end of a post from their place, so that they hide nothing. Those ahead of the
     modelled road are drawn at its beginning; their ids say how far ahead they stand.
@@ -47,15 +50,20 @@ def write_drawing(layout: WorkZoneLayout, path: Path) -> Path:
     _draw_signs(root, layout, pictures)
     if layout.work_zone.road_type is RoadType.FREEWAY:
         _draw_arrow_boards(root, layout, pictures)
+    for item in root:
+        item.set("id", f"{prefix}{item.get('id')}")
     write_xml(root, path)
     return path
 
 
-def write_view(layout: WorkZoneLayout, path: Path) -> Path:
-    """Write sumo-gui's view of the zone: its beginning, slow enough to watch, without marks at the ends of edges."""
-    road, signals = layout.road, layout.taking_turns is not None
+def write_view(layout: WorkZoneLayout, path: Path, *, step_length: float, network: Bounds | None = None) -> Path:
+    """Write sumo-gui's view of the zone: its beginning, slow enough to watch at this step [s], without marks at ends of edges.
+
+    `network` says how far the network reaches; None where the road of the layout is all of it, with no junction to be drawn.
+    """
+    road, signals = layout.road, network is not None or layout.taking_turns is not None
     x, y = road.to_xy(layout.start + VIEW_M / 2 - VIEW_AHEAD_M, road.travelled_width / 2)
-    whole = road.strip(0.0, road.length, -road.right_shoulder, road.left_edge).bounds
+    whole = network or road.strip(0.0, road.length, -road.right_shoulder, road.left_edge).bounds
     zoom = 100 * max(whole[2] - whole[0], whole[3] - whole[1]) / VIEW_M  # 100: the whole net
     root = ET.Element("viewsettings")
     scheme = ET.SubElement(root, "scheme", name="work zone")
@@ -64,9 +72,9 @@ def write_view(layout: WorkZoneLayout, path: Path) -> Path:
     marks = {"showLinkDecals": "0", "showLinkRules": "1" if signals else "0", "laneShowBorders": "1"}
     ET.SubElement(scheme, "edges", marks)
     ET.SubElement(scheme, "vehicles", vehicleMode="0", vehicleQuality="2")
-    ET.SubElement(scheme, "junctions", drawShape="0")
+    ET.SubElement(scheme, "junctions", drawShape="0" if network is None else "1")
     ET.SubElement(root, "viewport", x=f"{float(x):.1f}", y=f"{float(y):.1f}", zoom=f"{zoom:.0f}")
-    ET.SubElement(root, "delay", value=str(DELAY_MS))
+    ET.SubElement(root, "delay", value=f"{1000 * step_length / TIMES_AS_FAST_AS_LIFE:.0f}")
     write_xml(root, path)
     return path
 
