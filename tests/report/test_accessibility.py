@@ -33,7 +33,7 @@ VERSION = {"version": 1, "trace": 0, "why": "the map that it began with", "by_al
 
 @pytest.fixture(scope="module")
 def pages(run_folder: Path, study_folder: Path) -> dict[str, str]:  # noqa: F811 - the fixtures
-    figure = {"title": "Lanes", "caption": "a caption", "png": "iVBORw0KGgo="}
+    figure = {"title": "Lanes", "caption": "a caption", "png": "iVBORw0KGgo=", "narrow": "iVBORw0KGgo="}
     live = page_template("live.html.j2").render(
         number=160, alarms=[ALARM], versions=[VERSION], figures=[figure], error_m=0.5, one_in=20_000
     )

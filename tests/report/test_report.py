@@ -19,6 +19,10 @@ from wzsumo.files.result_folder import read_result_folder
 from wzsumo.files.ros_map import write_map
 from wzsumo.grid import blank_grid, cells_inside
 from wzsumo.report.report import _page, best_method, write_report
+from wzsumo.scenario.scenario import load_scenario
+from wzsumo.spec import write_toml
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 HOSTILE = "<img src=x onerror=alert(1)>"
 STEMS = ["fig04_zone", "fig05_criteria", "fig06_components", "fig07_samples", "fig08_maps",
@@ -165,16 +169,47 @@ def test_head_answers_in_two_sentences_and_holds_six_figures_against_their_limit
     assert "kept" not in figures[2][3]  # what was not measured neither keeps a limit nor breaks it
 
 
-def test_paper_is_compared_with_runs_of_its_own_zone_alone(folder: Path, page: str) -> None:
-    assert "90.08 %" not in page
-    assert "(paper: Fig." not in page
+@pytest.mark.parametrize(
+    ("name", "changes", "compared"),
+    [
+        ("paper", {}, True),
+        ("paper_single_lane", {}, True),  # the other reading of the same 36 ft
+        ("paper", {"work_length_ft": 700}, False),
+        ("paper", {"posted_speed_mph": 65}, False),
+        ("paper", {"used": 8}, False),
+        ("paper", {"target_speed_mps": 20}, False),
+        ("paper", {"shift_ft": 0}, False),
+        ("right_lane", {"name": '"paper"'}, False),
+        ("paper_bend_300m", {}, False),
+    ],
+)
+def test_paper_is_compared_with_runs_of_its_own_case_alone(
+    folder: Path, page: str, tmp_path: Path, name: str, changes: dict[str, Any], compared: bool
+) -> None:
     run = read_result_folder(folder)
-    html = _page(replace(run, result=dict(run.result) | {"scenario": "paper_bend_300m"}), [])
-    cells = _cells(html)
-    assert ["Precision of the map", "90.08 %", "98.77 %"] in cells
-    assert ["Components K of the mixture", "15", "2"] in cells
-    assert ["Least clearance to cones, planned path", "1.297 m", "1.297 m"] in cells
-    assert ["Share of the driven path in the closed area", "not reported", "0.00 %"] in cells
+    assert "(paper: Fig." not in page
+    assert "90.08 %" not in page
+    text = (SCENARIOS / f"{name}.toml").read_text()
+    for key, value in changes.items():
+        text = re.sub(rf"(?m)^{key} = .*$", f"{key} = {value}", text)
+    (tmp_path / "zone.toml").write_text(text)
+    write_toml(load_scenario(tmp_path / "zone.toml").model_dump(mode="json"), tmp_path / "scenario.toml")
+    html = _page(replace(run, folder=tmp_path, result=dict(run.result) | {"scenario": "mine"}), [])
+    assert ("The paper and this run" in html) == compared
+    if compared:
+        cells = _cells(html)
+        assert ["Precision of the map", "90.08 %", "98.77 %"] in cells
+        assert ["Components K of the mixture", "15", "2"] in cells
+        assert ["Least clearance to cones, planned path", "1.297 m", "1.297 m"] in cells
+        assert ["Share of the driven path in the closed area", "not reported", "0.00 %"] in cells
+
+
+def test_doubts_stand_near_the_top_of_the_page_and_nothing_where_there_are_none(folder: Path, page: str) -> None:
+    assert "What there is to doubt" not in page
+    run = read_result_folder(folder)
+    html = _page(replace(run, result=dict(run.result) | {"warnings": ["12 vehicles wait", HOSTILE]}), [])
+    assert html.index("What there is to doubt in this run, 2 things:") < html.index("12 vehicles wait") < html.index("<nav")
+    assert HOSTILE not in html
 
 
 def test_method_without_path_shows_dashes_and_its_reason(page: str) -> None:

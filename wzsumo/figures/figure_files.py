@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from wzsumo.figures.narrow import narrow_png
 from wzsumo.files.output import save_figure
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 class Drawing:
     """A figure that a report is to have: the name of its file without the suffix, what draws it, its title and caption.
 
-    `section` is that of the page in which it stands.
+    `section` is that of the page in which it stands. `narrows` says whether its words find room on a narrow screen.
     """
 
     stem: str
@@ -23,16 +24,21 @@ class Drawing:
     title: str
     caption: str
     section: str = ""
+    narrows: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportFigure:
-    """An image file with its title and caption, and the section of the page in which it stands."""
+    """An image file with its title and caption, and the section of the page in which it stands.
+
+    `narrow` is the PNG of the same figure for a narrow screen; None where it is shown as it is there too.
+    """
 
     path: Path
     title: str
     caption: str
     section: str
+    narrow: bytes | None = None
 
 
 def save_drawings(drawings: Iterable[Drawing], folder: Path) -> list[ReportFigure]:
@@ -40,6 +46,9 @@ def save_drawings(drawings: Iterable[Drawing], folder: Path) -> list[ReportFigur
     saved = []
     for drawing in drawings:
         path = folder / f"{drawing.stem}.png"
-        save_figure(drawing.draw(), path)
-        saved.append(ReportFigure(path=path, title=drawing.title, caption=drawing.caption, section=drawing.section))
+        figure = drawing.draw()
+        save_figure(figure, path)
+        narrow = narrow_png(figure) if drawing.narrows else None
+        words = {"title": drawing.title, "caption": drawing.caption, "section": drawing.section}
+        saved.append(ReportFigure(path=path, narrow=narrow, **words))
     return saved

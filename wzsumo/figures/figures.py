@@ -14,8 +14,14 @@ from wzsumo.figures.mixture_figures import draw_components, draw_criteria, draw_
 from wzsumo.figures.network_figure import draw_network
 from wzsumo.figures.traffic_figures import draw_space_time
 from wzsumo.files.result_folder import ResultFolder
+from wzsumo.spec import read_toml
 
-PAPERS_SCENARIO = "paper"
+# What Chen et al. 2022 state of their case, by keys of a scenario. Figures of another case are not compared with theirs.
+PAPERS_VALUES = {
+    ("work_zone", "posted_speed_mph"): 60.0, ("work_zone", "work_length_ft"): 650.0, ("crowd", "used"): 5,
+    ("control", "target_speed_mps"): 10.0, ("road", "alignment"): [], ("road", "reference_points_m"): [],
+}  # fmt: skip
+PAPERS_CLOSED_WIDTH_FT = 36.0  # ibid., the activity area: 650 by 36 ft
 
 
 def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
@@ -41,8 +47,17 @@ def write_figures(run: ResultFolder, folder: Path) -> list[ReportFigure]:
 
 
 def is_papers(run: ResultFolder) -> bool:
-    """Whether a run is of the zone of Chen et al. 2022: its scenarios are called "paper", or so with an addition."""
-    return str(run.result.get("scenario", "")).split("_")[0] == PAPERS_SCENARIO
+    """Whether a run is of the case of Chen et al. 2022: its scenario has the values that their paper states."""
+    path = run.folder / "scenario.toml"
+    scenario = read_toml(path) if path.is_file() else {}
+    if "road" not in scenario:  # a zone in a network
+        return False
+    road, zone = scenario["road"], scenario["work_zone"]
+    lanes_ft = len(zone.get("closed_lanes", [])) * road.get("lane_width_ft", 0.0)
+    shoulder_ft = road.get(f"{zone['closed_shoulder']}_shoulder_ft", 0.0) if zone.get("closed_shoulder") else 0.0
+    closed_ft = lanes_ft + shoulder_ft + zone.get("shift_ft", 0.0)
+    same = all(scenario.get(section, {}).get(key, []) == value for (section, key), value in PAPERS_VALUES.items())
+    return bool(same and closed_ft == PAPERS_CLOSED_WIDTH_FT)
 
 
 def _title(run: ResultFolder, text: str, *, paper: str) -> str:
@@ -53,6 +68,7 @@ def _title(run: ResultFolder, text: str, *, paper: str) -> str:
 def _zone_drawing(run: ResultFolder) -> Drawing:
     return Drawing(
         stem="fig04_zone",
+        narrows=False,
         section="making",
         draw=partial(draw_zone, run),
         title=_title(run, "Work zone", paper="4"),

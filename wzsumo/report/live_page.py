@@ -10,6 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from wzsumo.figures.live_figures import evidence_over_time, lanes_before_and_now
+from wzsumo.figures.narrow import narrow_png
 from wzsumo.files.lanes import read_lanes
 from wzsumo.files.output import write_whole
 from wzsumo.live.charts.findings import Family
@@ -28,7 +29,7 @@ def write_live_page(folder: Path, live: LiveMap) -> None:
     first, now = read_lanes(folder / FOLDER / f"{1:06d}"), read_lanes(folder)
     figures = [
         {
-            "title": "Lanes", "png": _png(lanes_before_and_now(first.lanes, now.lanes)),
+            "title": "Lanes", **_images(lanes_before_and_now(first.lanes, now.lanes)),
             "caption": "Offsets are stretched. Broken lines part lanes. Ground without recent witnesses fades to "
             "P(open) = 0.5.",
         }
@@ -37,7 +38,7 @@ def write_live_page(folder: Path, live: LiveMap) -> None:
     if len(numbers) > 1:
         figures.append(
             {
-                "title": "Evidence", "png": _png(evidence_over_time(live.ground.cells, numbers, shares, alarms)),
+                "title": "Evidence", **_images(evidence_over_time(live.ground.cells, numbers, shares, alarms)),
                 "caption": "The loudest chart at each place, from light (nothing speaks for a change) to dark (at the "
                 "threshold). Orange bars are alarms over their stretch; black lines go back to the first trace that spoke for "
                 "them.",
@@ -62,7 +63,9 @@ def _with_sd(value: float | None, sd: float | None) -> str:
     return "" if value is None else f"{value:.0f} ± {sd or 0:.0f}"
 
 
-def _png(figure: Figure) -> str:
+def _images(figure: Figure) -> dict[str, str]:
+    """The figure for a wide and for a narrow screen, PNG in base64."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+    images = {"png": buffer.getvalue(), "narrow": narrow_png(figure)}
+    return {name: base64.b64encode(image).decode("ascii") for name, image in images.items()}

@@ -60,11 +60,12 @@ def json_block(data: Any) -> Markup:
 
 
 def embedded(figures: Iterable[ReportFigure]) -> list[dict[str, str]]:
-    """Stem, title, caption, section and image (PNG in base64) of each figure, for the templates."""
+    """Stem, title, caption, section and images (PNG in base64) of each figure, for the templates."""
     return [
         {
             "stem": each.path.stem, "title": each.title, "caption": each.caption, "section": each.section,
             "png": base64.b64encode(each.path.read_bytes()).decode("ascii"),
+            "narrow": base64.b64encode(each.narrow).decode("ascii") if each.narrow else "",
         }
         for each in figures
     ]  # fmt: skip

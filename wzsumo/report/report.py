@@ -82,6 +82,7 @@ def _page(run: ResultFolder, figures: list[dict[str, str]]) -> str:
         facts=facts,
         best=best,
         sentences=sentences(run, best),
+        warnings=[str(warning) for warning in result.get("warnings") or ()],
         six=key_figures(run, best),
         picture=zone_picture(run, best),
         zone_words=_zone_words(run),
