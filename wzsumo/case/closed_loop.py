@@ -86,7 +86,7 @@ def drive_path(
             if on_clock(session.time):
                 record.look_around(session.time, state, traffic)
                 session.allow_emergency_braking(_not_ahead(state, traffic))
-                session.resolve_gridlock(traffic)
+                session.resolve_gridlock()
                 may_enter = session.may_enter_shared_lane()
                 if drive.control.minds_others:
                     highest = planner.ceiling(follower.outlook(state), traffic, layout=layout, may_enter=may_enter, dt=CLOCK_S)

@@ -3,15 +3,20 @@
 No other module imports libsumo or traci. Both have the same functions under the same names.
 """
 
+import errno
 import io
 import os
+import shutil
+import signal
+import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
-from wzsumo.errors import DisplayError, SumoMissingError
+from wzsumo.errors import DisplayError, SimulationError, SumoMissingError
 
 WINDOW_DELAY_MS = 40  # a step of 50 ms then takes about real time, with 10 ms for drawing
 WINDOW_ZOOM = 1200.0  # of sumo-gui: some 150 m of road
@@ -19,7 +24,10 @@ OPENING_TRIES = 30  # one a second; chosen by us for large networks
 MARK_RGBA = (213, 94, 0, 255)  # vermilion; Okabe and Ito 2008, "Color universal design"
 SYSTEM_LIBRARIES = "libgl1 libx11-6 libxext6 libxrender1 libatomic1 libexpat1"  # what libsumo 1.28 links on Debian 12
 REMEDY = f"on Debian or Ubuntu: apt-get install {SYSTEM_LIBRARIES}; Python packages: make setup"
+LEAST_FREE_BYTES = 100_000  # with less, the disk counts as full
 _VIEW = "View #0"  # sumo-gui's name of its first window
+_CONNECTING_S = 0.02  # between two tries to reach a SUMO that still loads its files
+_ANY_NUMBER = 10**9  # of tries: they end when SUMO does
 
 
 @contextmanager
@@ -31,6 +39,36 @@ def connected_library(arguments: Sequence[str]) -> Iterator[Any]:
         yield libsumo
     finally:
         libsumo.close()
+
+
+@contextmanager
+def connected_program(arguments: Sequence[str], *, folder: Path) -> Iterator[Any]:
+    """Traci with a simulation by SUMO's own binary, which takes less time than the library; its files go to `folder`.
+
+    Raises SimulationError where SUMO fails, OSError where the disk is full, SumoMissingError.
+    """
+    traci = _load_traci()
+    port = traci.getFreeSocketPort()
+    command = [str(sumo_binary("sumo")), *arguments, "--remote-port", str(port)]
+    ended_early = False
+    with tempfile.TemporaryFile("w+") as errors:
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=errors) as process:
+            try:
+                with redirect_stdout(io.StringIO()):  # traci prints each try
+                    api = _connect(traci, port, process)
+                yield api
+                api.close()
+            except traci.FatalTraCIError:
+                ended_early = True
+            except BaseException:
+                process.kill()  # an interrupted program leaves no SUMO behind
+                raise
+        # SUMO that writes to a full disk ends in one of two ways: killed, or with 0 and files that are cut short.
+        if process.returncode == -signal.SIGXFSZ or shutil.disk_usage(folder).free < LEAST_FREE_BYTES:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
+        if process.returncode != 0 or ended_early:
+            errors.seek(0)
+            raise SimulationError(f"SUMO ended with {process.returncode}: {' '.join(errors.read().split())[-300:]}")
 
 
 @contextmanager
@@ -85,6 +123,14 @@ def sumo_binary(name: str) -> Path:
     if not os.access(program, os.X_OK):
         raise SumoMissingError(f"SUMO's program {name} is not at {program}; {REMEDY}")
     return program
+
+
+def _connect(traci: Any, port: int, process: "subprocess.Popen[bytes]") -> Any:
+    """A connection to a SUMO that may still be loading its files. Raises FatalTraCIError where it ends instead."""
+    try:
+        return traci.connect(port, numRetries=_ANY_NUMBER, proc=process, waitBetweenRetries=_CONNECTING_S)
+    except traci.TraCIException as error:
+        raise traci.FatalTraCIError(str(error)) from None
 
 
 def _load_libsumo() -> Any:

@@ -1,10 +1,5 @@
 """Traces of the whole fleet: a simulation by SUMO's binary from start to end, logged by its own FCD output (Parquet)."""
 
-import errno
-import os
-import shutil
-import signal
-import subprocess
 import tempfile
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -15,14 +10,13 @@ import pyarrow.parquet as pq
 
 from wzsumo.errors import SimulationError, SpecError
 from wzsumo.frames import FloatArray, advance, heading_from_sumo_angle
-from wzsumo.simulation.connection import sumo_binary
+from wzsumo.simulation.connection import connected_program
 from wzsumo.simulation.demand import CAR, TRUCK
 from wzsumo.simulation.edge_records import edge_record_options
 from wzsumo.simulation.files import SumoFiles
+from wzsumo.simulation.gridlock import CHECK_S, Gridlock
 from wzsumo.simulation.trips import TRIP_OPTIONS, trips_file
 
-LEAST_FREE_BYTES = 100_000  # with less, the disk counts as full
-_STEP_LOG_PREFIX = "Step #"  # SUMO prints it before the simulated time
 _FCD_COLUMNS = {
     "timestep_time": "time_s",
     "vehicle_id": "vehicle_id",
@@ -60,28 +54,19 @@ def record_options(files: SumoFiles) -> tuple[str, ...]:
 def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callable[[float], None]) -> None:
     """Run the simulation of `files` to its end, with further options of SUMO's such as its outputs.
 
-    `on_second` is called with the time [s] from the beginning about once a simulated second.
-    Raises SimulationError where SUMO fails, OSError where the disk is full.
+    `on_second` is called with the time [s] from the beginning once a simulated second. Vehicles that wait for each other where
+    lanes merge are let go (see `gridlock`). Raises SimulationError where SUMO fails, OSError where the disk is full.
     """
-    steps_a_second = max(1, round(1 / files.step_length))
-    log = ("--no-step-log", "false", "--step-log.period", str(steps_a_second), "--no-warnings")
-    command = [str(sumo_binary("sumo")), "--configuration-file", str(files.config), *options, *log]
-    with tempfile.TemporaryFile("w+") as errors:
-        # Text mode takes the carriage return that ends each of SUMO's progress lines for the end of a line.
-        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True) as process:
-            try:
-                for line in process.stdout or ():
-                    if line.startswith(_STEP_LOG_PREFIX) and line.endswith("\n"):  # its last line may be cut short
-                        on_second(float(line.removeprefix(_STEP_LOG_PREFIX).split()[0]) - files.begin)
-            except BaseException:
-                process.kill()  # an interrupted program leaves no SUMO behind
-                raise
-        # On a full disk SUMO ends with 0 and files that are cut short.
-        if process.returncode == -signal.SIGXFSZ or shutil.disk_usage(files.config.parent).free < LEAST_FREE_BYTES:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(files.config.parent))
-        if process.returncode != 0:
-            errors.seek(0)
-            raise SimulationError(f"SUMO ended with {process.returncode}: {' '.join(errors.read().split())[-300:]}")
+    arguments = ("--configuration-file", str(files.config), *options, "--no-warnings")
+    edges = files.surroundings.along if files.surroundings else [edge.id for edge in files.edges]
+    with connected_program(arguments, folder=files.config.parent) as api:
+        gridlock = Gridlock(api, edges)
+        on_second(0.0)
+        for second in np.append(np.arange(1.0, files.duration), files.duration):
+            api.simulationStep(files.begin + second)
+            if second % CHECK_S == 0:
+                gridlock.resolve()
+            on_second(float(second))
 
 
 def _write_edge_list(edges: Iterable[str], folder: Path) -> Path:

@@ -5,19 +5,17 @@ is closer than its minimum gap. That follower waits for the part of the first ve
 the end of the simulation (SUMO 1.28, sublane model). On a road the first vehicle goes; here it is told to.
 """
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
-from wzsumo.frames import FloatArray
-
+CHECK_S = 5.0  # how often SUMO is asked for such vehicles; chosen by us
 PATIENCE_S = 10.0  # a vehicle has stood for so long before it is let go; chosen by us
 STANDING_MPS = 0.1  # below it a vehicle stands; SUMO's own limit for waiting time
 DRIVING_MPS = 1.0  # above it a vehicle that was let go drives again; chosen by us
 BESIDE_GAP_M = 1.0  # a vehicle with a smaller gap along the lane is beside: the two would touch; chosen by us
 WAITING_GAP_M = 6.0  # a vehicle that stands this close behind waits for the first; SUMO's minimum gap is 2.5 m
-# From the middle of a vehicle to the middle of one in the next lane, when either may straddle the line; chosen by us
-NEXT_LANE_OFFSETS_M = (1.0, 4.5)
 _CHANGE_REGARDLESS = 0b0000_0000_0001  # lane change mode: strategic changes, others not respected (SUMO docs, TraCI)
 _DEFAULT_CHANGE_MODE = 0b0110_0101_0101  # ibid.
 _CHANGE_S = 5.0  # the time for which SUMO keeps trying the change; chosen by us
@@ -26,26 +24,29 @@ _CHANGE_S = 5.0  # the time for which SUMO keeps trying the change; chosen by us
 class Gridlock:
     """Finds vehicles that wait for each other where lanes merge, and lets one of them change lanes first."""
 
-    def __init__(self, api: Any) -> None:
+    def __init__(self, api: Any, edges: Collection[str] = ()) -> None:
+        """`edges` are those that are looked at, all where none are named."""
         self._api = api
+        self._edges = [id_ for id_ in api.edge.getIDList() if id_ in edges or not edges]
         self._let_go: set[str] = set()
 
-    def resolve(self, ids: tuple[str, ...], poses: FloatArray, lengths: FloatArray, speeds: FloatArray) -> None:
-        """Let go those of the vehicles (n,) that have stood for PATIENCE_S; `poses` (n, 3) are of their centres."""
-        vehicle = self._api.vehicle
-        for name in [name for name in self._let_go if name not in ids or vehicle.getSpeed(name) > DRIVING_MPS]:
+    def resolve(self) -> None:
+        """Let go those vehicles that have stood for PATIENCE_S and may go first."""
+        vehicle, edge = self._api.vehicle, self._api.edge
+        on_road = set(vehicle.getIDList()) if self._let_go else set()
+        for name in [name for name in self._let_go if name not in on_road or vehicle.getSpeed(name) > DRIVING_MPS]:
             self._let_go.remove(name)
-            if name in ids:
+            if name in on_road:
                 vehicle.setLaneChangeMode(name, _DEFAULT_CHANGE_MODE)
-        for index in np.flatnonzero(speeds < STANDING_MPS):
-            name = ids[index]
-            if vehicle.getWaitingTime(name) < PATIENCE_S:
-                continue
-            side = self._wanted_side(name)
-            if side and may_go_first(int(index), side, poses=poses, lengths=lengths, speeds=speeds):
-                vehicle.setLaneChangeMode(name, _CHANGE_REGARDLESS)
-                vehicle.changeLane(name, vehicle.getLaneIndex(name) + side, _CHANGE_S)
-                self._let_go.add(name)
+        for id_ in [id_ for id_ in self._edges if edge.getLastStepHaltingNumber(id_)]:
+            for name in edge.getLastStepVehicleIDs(id_):
+                if vehicle.getWaitingTime(name) < PATIENCE_S:
+                    continue
+                side = self._wanted_side(name)
+                if side and self._may_go_first(name, side):
+                    vehicle.setLaneChangeMode(name, _CHANGE_REGARDLESS)
+                    vehicle.changeLane(name, vehicle.getLaneIndex(name) + side, _CHANGE_S)
+                    self._let_go.add(name)
 
     def _wanted_side(self, name: str) -> int:
         """1 where the lane that leads on is to the left, -1 to the right, 0 where the vehicle is in it."""
@@ -53,15 +54,14 @@ class Gridlock:
         offsets = {lane[0]: lane[3] for lane in vehicle.getBestLanes(name)}
         return int(np.sign(offsets.get(vehicle.getLaneID(name), 0)))
 
-
-def may_go_first(index: int, side: int, *, poses: FloatArray, lengths: FloatArray, speeds: FloatArray) -> bool:
-    """Whether one of the vehicles (n,) may change to a side (1: left): a vehicle there waits for it, and none is beside it."""
-    x, y, heading = poses[index]
-    along = (poses[:, 0] - x) * np.cos(heading) + (poses[:, 1] - y) * np.sin(heading)
-    across = side * ((poses[:, 1] - y) * np.cos(heading) - (poses[:, 0] - x) * np.sin(heading))
-    gap = np.abs(along) - (lengths + lengths[index]) / 2
-    nearest, farthest = NEXT_LANE_OFFSETS_M
-    in_next_lane = (across > nearest) & (across < farthest)
-    waits = in_next_lane & (along < 0) & (gap >= BESIDE_GAP_M) & (gap < WAITING_GAP_M) & (speeds < STANDING_MPS)
-    beside = (across > 0) & (across < farthest) & (gap < BESIDE_GAP_M)
-    return bool(waits.any() and not beside.any())
+    def _may_go_first(self, name: str, side: int) -> bool:
+        """Whether a vehicle in the next lane on a side (1: left) waits for this one, and none is beside it."""
+        vehicle = self._api.vehicle
+        left = side > 0
+        followers = (vehicle.getLeftFollowers if left else vehicle.getRightFollowers)(name)
+        leaders = (vehicle.getLeftLeaders if left else vehicle.getRightLeaders)(name)
+        # SUMO tells by how much a gap is larger than the minimum gap of the vehicle behind it.
+        behind = [(other, spare + vehicle.getMinGap(other)) for other, spare in followers]
+        ahead = [spare + vehicle.getMinGap(name) for _, spare in leaders]
+        waits = any(gap < WAITING_GAP_M and vehicle.getSpeed(other) < STANDING_MPS for other, gap in behind)
+        return waits and min(*ahead, *(gap for _, gap in behind), np.inf, np.inf) >= BESIDE_GAP_M

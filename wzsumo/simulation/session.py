@@ -56,7 +56,7 @@ class Session:
         self._spare = [EGO_ID]  # bodies that stand for no part of the ego at present
         self._widths: dict[str, float] = {}  # m, of each body where it was put last
         self._emergency_braking: set[str] = set()
-        self._gridlock = Gridlock(api)
+        self._gridlock = Gridlock(api, edges)
 
     @property
     def time(self) -> float:
@@ -67,9 +67,9 @@ class Session:
         """Advance by one step."""
         self._sumo.simulationStep()
 
-    def resolve_gridlock(self, traffic: Traffic) -> None:
+    def resolve_gridlock(self) -> None:
         """Let go a vehicle that has been shut in for long where lanes merge (see `gridlock`)."""
-        self._gridlock.resolve(traffic.ids, traffic.poses, traffic.lengths, traffic.speeds)
+        self._gridlock.resolve()
 
     def traffic(self) -> Traffic:
         """The vehicles on the road now, without the ego's bodies; in a network those on the edges that are looked at."""
