@@ -1,4 +1,5 @@
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -123,8 +124,8 @@ def test_vehicles_at_the_end_of_a_lane_do_not_wait_for_each_other_for_good(tmp_p
     # Without the rule two vehicles stand from 118 s on: one astride the line where its lane ends, one 2 m behind it.
     street = load_scenario(SCENARIOS / "street_interior_lane.toml", seed=161)
     own = street.zone_simulation()
-    demand = own.demand.model_copy(update={"flow_vph": 2100.0, "duration_s": 280.0})
+    demand = own.demand.model_copy(update={"flow_vph": 2100.0})
     files = write_sumo_files(street.layout(), tmp_path, spec=own.model_copy(update={"demand": demand}), seed=161)
-    late = simulate_fleet(files, on_second=lambda _: None).query("time_s > 200").groupby("vehicle_id")
+    late = simulate_fleet(replace(files, duration=280.0), on_second=lambda _: None).query("time_s > 200").groupby("vehicle_id")
     moved, seen_s = late["x_m"].agg(np.ptp), late["time_s"].agg(np.ptp)
     assert moved[seen_s > 60].min() > 5
