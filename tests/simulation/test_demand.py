@@ -122,10 +122,13 @@ def test_drivers_begin_to_merge_within_the_given_distances(tmp_path: Path) -> No
     assert 350 < max(ahead) < 401
 
 
-def test_vehicle_that_hardly_moves_hardly_moves_aside(tmp_path: Path) -> None:
-    # SUMO docs, lane changing: lateral speed is at most lcMaxSpeedLatStanding + lcMaxSpeedLatFactor x speed.
-    types = elements(demand(tmp_path), "vType")
-    assert {(t["lcMaxSpeedLatStanding"], t["lcMaxSpeedLatFactor"]) for t in types} == {("0.2", "0.2")}
+def test_vehicle_moves_aside_no_faster_than_its_rear_can_trail(tmp_path: Path) -> None:
+    # SUMO docs, lane changing: lateral speed is at most lcMaxSpeedLatStanding + lcMaxSpeedLatFactor x speed. Beside a car of
+    # 1.85 m a lane of 3.658 m leaves 0.904 m on either side, beside a truck of 2.5 m 0.579 m.
+    for kind, slope in (("car", 0.904 / 4.8), ("truck", 0.579 / 12)):
+        types = [t for t in elements(demand(tmp_path, truck_share=0.5), "vType") if t["id"].startswith(kind)]
+        assert {t["lcMaxSpeedLatStanding"] for t in types} == {"0.1"}
+        assert [float(t["lcMaxSpeedLatFactor"]) for t in types] == pytest.approx([slope] * len(types), abs=1e-3)
 
 
 def test_every_driver_keeps_the_lane_after_overtaking_and_lets_in_some_of_those_who_must_merge(tmp_path: Path) -> None:

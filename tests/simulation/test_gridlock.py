@@ -41,6 +41,8 @@ class Sumo:
             getRightLeaders=lambda _name: self._neighbours(self.ahead),
             setLaneChangeMode=lambda name, mode: self.told.append((name, "mode", mode)),
             changeLane=lambda name, lane, duration: self.told.append((name, "lane", lane, duration)),
+            getParameter=lambda _name, _key: "0.07",
+            setParameter=lambda name, key, value: self.told.append((name, key, value)),
         )
 
     @staticmethod
@@ -48,7 +50,8 @@ class Sumo:
         return tuple(spare_gaps.items())
 
 
-LET_GO = [("over", "mode", 1), ("over", "lane", 0, 5.0)]
+ASIDE = "laneChangeModel.lcMaxSpeedLatStanding"
+LET_GO = [("over", "mode", 1), ("over", "lane", 0, 10.0), ("over", ASIDE, "0.5")]
 
 
 def told(sumo: Sumo, gridlock: Gridlock | None = None) -> list[tuple[object, ...]]:
@@ -67,7 +70,8 @@ def test_vehicle_is_let_go_after_ten_seconds_and_changes_lanes_as_before_once_it
     sumo.speed, sumo.waited_s = 0.9, 0.0
     assert told(sumo, gridlock) == []
     sumo.speed = 1.1
-    assert told(sumo, gridlock) == [("over", "mode", 1621)]  # SUMO docs, TraCI lane change mode: the default
+    # SUMO docs, TraCI: 1621 is the default of lane change modes.
+    assert told(sumo, gridlock) == [("over", "mode", 1621), ("over", ASIDE, "0.07")]
     assert told(sumo, gridlock) == []
 
 
@@ -82,9 +86,9 @@ def test_only_edges_that_are_looked_at_count() -> None:
 
 
 @pytest.mark.parametrize(
-    ("gap_m", "goes"), [(0.9, False), (1.1, True), (5.9, True), (6.1, False)], ids=["beside", "near", "6 m", "beyond 6 m"]
+    ("gap_m", "goes"), [(0.9, False), (1.1, True), (2.4, True), (2.6, False)], ids=["beside", "near", "shut in", "free to go"]
 )
-def test_vehicle_goes_first_where_another_stands_1_to_6_m_behind_it_in_the_next_lane(gap_m: float, goes: bool) -> None:
+def test_vehicle_goes_first_where_another_stands_closer_behind_it_than_its_minimum_gap(gap_m: float, goes: bool) -> None:
     sumo = Sumo()
     sumo.behind["waits"] = gap_m - 2.5
     assert (told(sumo) == LET_GO) == goes

@@ -204,7 +204,7 @@ def test_drivers_creep_into_the_corner_of_an_ego_that_stands_askew_unless_its_bo
     tmp_path: Path,
 ) -> None:
     spec = SimulationSpec(demand=DemandSpec(flow_vph=1800, duration_s=200, truck_share=0.1))
-    files = write_sumo_files(LAYOUT, tmp_path, spec=spec, seed=4)
+    files = write_sumo_files(LAYOUT, tmp_path, spec=spec, seed=7)
     assert vehicles_that_touch_an_ego_askew(files, as_wide_as_it_lies=False)  # the trap: SUMO lays it along the lane
     assert not vehicles_that_touch_an_ego_askew(files, as_wide_as_it_lies=True)
 

@@ -17,6 +17,7 @@ from wzsumo.simulation.drivers import BY_THE_HCM, DRIVER_PRESETS, UNCALIBRATED, 
 from wzsumo.simulation.edges import Edge, edge_at
 from wzsumo.simulation.network import write_xml
 from wzsumo.spec import Spec
+from wzsumo.units import METRES_PER_FOOT
 
 _DriversName = Annotated[str, Field(json_schema_extra={"enum": list(DRIVER_PRESETS)})]
 
@@ -82,9 +83,13 @@ CAR_DECEL_MPS2, TRUCK_DECEL_MPS2 = 4.5, 4.0
 # whatever lies ahead, and where lanes merge they pass one that is still astride in its own lane. With these they do not prefer
 # to straddle a line, and return to their place in the lane at ten times the loss of speed that they would accept by default.
 LANE_KEEPING = {"lcLaneDiscipline": "1", "lcSublane": "10"}
-# A vehicle moves aside at no more than this [m/s] plus this share of its speed, some 0.2 rad off its lane. By itself SUMO lets
-# one that stands slide at 1 m/s, and draws it turned by up to 0.8 rad, across the lane beside.
-STANDING_LATERAL_MPS, LATERAL_SHARE = 0.2, 0.2
+# SUMO's vehicle moves aside as a whole, the rear of a real one trails its front: on a path of slope m by m times the length.
+# It must not be in its old lane any more where SUMO has it in the new one, so m is at most half of what a lane of 12 ft leaves
+# free beside the vehicle, over its length. By itself SUMO sets no such limit, and one that stands slides aside at 1 m/s.
+LANE_WIDTH_M = 12 * METRES_PER_FOOT
+# Where its lane ends SUMO's vehicle has no room ahead to move aside in, so it must do so from a stand. With 0 the library's
+# street locks (three times its demand, seed 161); with 0.2 trucks that creep lie across two lanes. Chosen by us.
+STANDING_LATERAL_MPS = 0.1
 # Left to itself SUMO looks for the end of a lane over at most 8 edges, or 4 edges and 3 km: every driver knows the whole road.
 # They don't go back to the right lane after overtaking, SUMO's default and the rule in Europe.
 LOOK_AHEAD_M = 20000.0
@@ -216,7 +221,7 @@ def _driver(
     return driver | {
         **LANE_KEEPING,
         "lcMaxSpeedLatStanding": f"{STANDING_LATERAL_MPS:g}",
-        "lcMaxSpeedLatFactor": f"{LATERAL_SHARE:g}",
+        "lcMaxSpeedLatFactor": f"{(LANE_WIDTH_M - size['width_m']) / 2 / size['length_m']:.3f}",
         "lcStrategicLookahead": f"{LOOK_AHEAD_M:g}",
         "lcKeepRight": "0",
         "lcCooperative": f"{COOPERATION:g}",

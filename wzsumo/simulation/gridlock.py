@@ -15,10 +15,12 @@ PATIENCE_S = 10.0  # a vehicle has stood for so long before it is let go; chosen
 STANDING_MPS = 0.1  # below it a vehicle stands; SUMO's own limit for waiting time
 DRIVING_MPS = 1.0  # above it a vehicle that was let go drives again; chosen by us
 BESIDE_GAP_M = 1.0  # a vehicle with a smaller gap along the lane is beside: the two would touch; chosen by us
-WAITING_GAP_M = 6.0  # a vehicle that stands this close behind waits for the first; SUMO's minimum gap is 2.5 m
 _CHANGE_REGARDLESS = 0b0000_0000_0001  # lane change mode: strategic changes, others not respected (SUMO docs, TraCI)
 _DEFAULT_CHANGE_MODE = 0b0110_0101_0101  # ibid.
-_CHANGE_S = 5.0  # the time for which SUMO keeps trying the change; chosen by us
+_CHANGE_S = 10.0  # the time for which SUMO keeps trying the change; chosen by us
+# How fast a vehicle that is let go moves aside from a stand [m/s]: SUMO gives it no room ahead. Chosen by us
+_STANDING_LATERAL_MPS = 0.5
+_STANDING_LATERAL = "laneChangeModel.lcMaxSpeedLatStanding"
 
 
 class Gridlock:
@@ -28,16 +30,17 @@ class Gridlock:
         """`edges` are those that are looked at, all where none are named."""
         self._api = api
         self._edges = [id_ for id_ in api.edge.getIDList() if id_ in edges or not edges]
-        self._let_go: set[str] = set()
+        self._let_go: dict[str, str] = {}  # how fast each moves aside from a stand by itself
 
     def resolve(self) -> None:
         """Let go those vehicles that have stood for PATIENCE_S and may go first."""
         vehicle, edge = self._api.vehicle, self._api.edge
         on_road = set(vehicle.getIDList()) if self._let_go else set()
         for name in [name for name in self._let_go if name not in on_road or vehicle.getSpeed(name) > DRIVING_MPS]:
-            self._let_go.remove(name)
+            own = self._let_go.pop(name)
             if name in on_road:
                 vehicle.setLaneChangeMode(name, _DEFAULT_CHANGE_MODE)
+                vehicle.setParameter(name, _STANDING_LATERAL, own)
         for id_ in [id_ for id_ in self._edges if edge.getLastStepHaltingNumber(id_)]:
             for name in edge.getLastStepVehicleIDs(id_):
                 if vehicle.getWaitingTime(name) < PATIENCE_S:
@@ -46,7 +49,8 @@ class Gridlock:
                 if side and self._may_go_first(name, side):
                     vehicle.setLaneChangeMode(name, _CHANGE_REGARDLESS)
                     vehicle.changeLane(name, vehicle.getLaneIndex(name) + side, _CHANGE_S)
-                    self._let_go.add(name)
+                    self._let_go.setdefault(name, vehicle.getParameter(name, _STANDING_LATERAL))
+                    vehicle.setParameter(name, _STANDING_LATERAL, f"{_STANDING_LATERAL_MPS:g}")
 
     def _wanted_side(self, name: str) -> int:
         """1 where the lane that leads on is to the left, -1 to the right, 0 where the vehicle is in it."""
@@ -63,5 +67,5 @@ class Gridlock:
         # SUMO tells by how much a gap is larger than the minimum gap of the vehicle behind it.
         behind = [(other, spare + vehicle.getMinGap(other)) for other, spare in followers]
         ahead = [spare + vehicle.getMinGap(name) for _, spare in leaders]
-        waits = any(gap < WAITING_GAP_M and vehicle.getSpeed(other) < STANDING_MPS for other, gap in behind)
+        waits = any(spare < 0 and vehicle.getSpeed(other) < STANDING_MPS for other, spare in followers)
         return waits and min(*ahead, *(gap for _, gap in behind), np.inf, np.inf) >= BESIDE_GAP_M
