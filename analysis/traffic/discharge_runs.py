@@ -112,7 +112,8 @@ def run_until_discharge_is_known(files: SumoFiles, layout: WorkZoneLayout) -> tu
 
     A run ends, too, in the minute in which a vehicle has stood for LOCKED_S; the second value is that minute.
 
-    SUMO's own binary runs: libsumo takes 15 to 20 % longer. Vehicles that wait for each other are let go as in the fleet's runs.
+    SUMO's own binary runs: libsumo takes 15 to 20 % longer. Vehicles that wait for each other are let go, as in the fleet's
+    runs.
     """
     folder = files.config.parent
     names = write_loops(files, stations_of_loops(files, layout), folder / "loops.add.xml")
