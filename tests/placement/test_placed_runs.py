@@ -32,7 +32,7 @@ CONFIG = """<configuration>
         <net-file value="../small.net.xml"/> <route-files value="../demand.rou.xml"/>
         <additional-files value="detectors.add.xml"/>
     </input>
-    <output><tripinfo-output value="trips.xml"/></output>
+    <output><tripinfo-output value="trips.xml"/> <summary-output value="results/summary.xml"/></output>
     <time><begin value="0"/><end value="900"/></time>
 </configuration>"""
 
@@ -114,6 +114,7 @@ def test_three_configurations_keep_the_given_one_but_for_the_names_of_files() ->
         ).replace("</configuration>", GUI_SECTION)
     for file in ("small.net.xml", "demand.rou.xml"):
         assert (out / "original" / file).read_bytes() == (freeway().parent / file).read_bytes()
+        assert (out / "original" / "results").is_dir()  # SUMO makes no folder for what it writes
         assert (out / "open" / file).read_bytes() != (freeway().parent / file).read_bytes()
     assert "<!-- stays -->" in (out / "closed" / "demand.rou.xml").read_text()
 

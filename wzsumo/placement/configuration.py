@@ -47,6 +47,7 @@ class Configuration:
     additionals: tuple[Path, ...]
     weights: tuple[Path, ...] = ()  # travel times by edge
     options: tuple[Option, ...] = ()  # of the configuration's file, those that name files
+    outputs: tuple[str, ...] = ()  # names of files that SUMO writes, as the configuration's file has them
     gui_options: Element | None = None  # the last of the section <gui_only>
     begin: float = 0.0  # s, SUMO's time at which the simulation begins
     step_length: float = DEFAULT_STEP_S
@@ -63,6 +64,7 @@ class Configuration:
         options: list[Option] = []
         times: dict[str, str] = {}
         gui_options: list[Element] = []
+        outputs: list[str] = []
 
         def take(element: Element) -> None:
             if element.tag == GUI_SECTION:
@@ -72,6 +74,8 @@ class Configuration:
                 name = _SYNONYMS.get(item.tag, item.tag)
                 if name in {BEGIN, STEP}:
                     times[name] = item.get(key)
+                if any(word in name for word in _WRITTEN):
+                    outputs.append(item.get(key))
                 if item.get(key) and (found := _files_of(name, item.get(key), path)):
                     options.append(Option(name=name, element=item, key=key, files=found))
 
@@ -88,6 +92,7 @@ class Configuration:
             additionals=named.get(ADDITIONALS, ()),
             weights=named.get(WEIGHTS, ()),
             options=tuple(options),
+            outputs=tuple(outputs),
             gui_options=gui_options[-1] if gui_options else None,
             begin=_seconds(path, times, BEGIN, 0.0),
             step_length=_seconds(path, times, STEP, DEFAULT_STEP_S),
@@ -133,6 +138,13 @@ class ConfigurationFolder:
     def write(self, path: Path, content: bytes) -> None:
         """Write one file of the configuration."""
         (self.folder / self.names[path]).write_bytes(content)
+
+    def make_folders(self, outputs: Iterable[str]) -> None:
+        """Make the folders within this one to which outputs of these names go: SUMO makes none, and ends without them."""
+        for name in outputs:
+            parent = (self.folder / name).parent.resolve()
+            if parent.is_relative_to(self.folder.resolve()):
+                parent.mkdir(parents=True, exist_ok=True)
 
     def write_config(self, *, first: list[str], last: list[str]) -> None:
         """Write the configuration; `first` and `last` are additional files of the toolkit's, before and behind the others.

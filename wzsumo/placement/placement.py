@@ -118,6 +118,7 @@ def write_placement(
         target.write(configuration.net, net.file.data if original else patch.apply())
         for path, file in files.items():
             target.write(path, file.data if original else rewritten[path])
+        target.make_folders([*configuration.outputs, *demand.outputs])
         for path in configuration.others:
             target.write(path, path.read_bytes())
         first, last = [], []

@@ -30,6 +30,7 @@ class Demand:
     defines_default_type: bool = False
     missing_routes: set[str] = field(default_factory=set)  # ids of routes that vehicles name and no file has
     named: set[str] = field(default_factory=set)  # ids of polygons, points to draw and rerouters
+    outputs: set[str] = field(default_factory=set)  # names of files that detectors and the like write
     _classes: dict[str, str] = field(default_factory=dict)
     _vehicles: list[tuple[Element, str]] = field(default_factory=list)
 
@@ -58,6 +59,7 @@ class Demand:
                 self.routes[item.get("id")] = item.get("edges").split()
             elif item.tag in {"poly", "poi", "rerouter"}:
                 self.named.add(item.get("id"))
+            self.outputs.update(item.get(key) for key in ("file", "output") if item.get(key))
         if element.tag == "vTypeDistribution":
             members = [child.get("id") for child in element.children] + element.get("vTypes").split()
             self._classes[element.get("id")] = next((self._classes[m] for m in members if m in self._classes), DEFAULT_CLASS)
