@@ -239,7 +239,9 @@ def test_zone_in_a_city_of_signals_loads_and_runs() -> None:
     )
     assert code == 0, err
     assert json.loads(told)["warnings"] == [
-        "40 vehicles depart on edge 'A1B1', which is cut: they enter on its first piece, which is not quite the same"
+        "road_type is left out: signs and arrow boards are those of a freeway, at 25 mph; give "
+        'road_type = "urban_low_speed", "urban_high_speed" or "rural" on another road',
+        "40 vehicles depart on edge 'A1B1', which is cut: they enter on its first piece, which is not quite the same",
     ]
     for name in ("original", "open", "closed"):
         assert "Warning" not in simulate(out / name, "--end", "600")

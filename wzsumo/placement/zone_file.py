@@ -11,6 +11,7 @@ from wzsumo.units import METRES_PER_FOOT, mph_from_mps
 from wzsumo.work_zone import Side, WorkZone
 
 POSTED_STEP_MPH = 5  # speeds are posted in multiples of it: MUTCD 11th ed., Section 2B.21
+FREEWAY_MPH = 45  # below that, a road whose zone names no type is hardly a freeway; chosen by us
 _PLACEHOLDER = {"start_ft": 0.0}  # the place says where the zone begins
 
 
@@ -54,7 +55,13 @@ class ZoneToPlace(Spec):
                     f"the net's speed, {speed:.1f} m/s, is {nearest} mph, outside the manual's tables: the zone is laid out "
                     f"for {given['posted_speed_mph']} mph"
                 )
-        return WorkZone.model_validate(given | _PLACEHOLDER), doubts
+        zone = WorkZone.model_validate(given | _PLACEHOLDER)
+        if "road_type" not in given and zone.posted_speed_mph < FREEWAY_MPH:
+            doubts.append(
+                f"road_type is left out: signs and arrow boards are those of a freeway, at {zone.posted_speed_mph:g} mph; give "
+                'road_type = "urban_low_speed", "urban_high_speed" or "rural" on another road'
+            )
+        return zone, doubts
 
 
 def on_side(zone: WorkZone, side: Side | None, *, n_lanes: int) -> WorkZone:
