@@ -1,3 +1,4 @@
+import subprocess
 import sys
 from pathlib import Path
 
@@ -20,3 +21,13 @@ def test_machine_without_a_display_is_told_so_and_one_with_it_is_not(monkeypatch
         refuse_without_display()
     monkeypatch.setenv("DISPLAY", ":0")
     refuse_without_display()
+
+
+def test_program_is_driven_by_traci_also_after_the_library_was_loaded() -> None:
+    code = (
+        "from wzsumo.simulation.connection import _load_libsumo, _load_traci\n"
+        "library, program = _load_libsumo(), _load_traci()\n"
+        "print(program is not library, hasattr(program, 'getFreeSocketPort'))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "True True\n"

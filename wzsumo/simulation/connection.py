@@ -135,7 +135,8 @@ def _connect(traci: Any, port: int, process: "subprocess.Popen[bytes]") -> Any:
 
 def _load_libsumo() -> Any:
     # Unless told to be quiet, it prints a line about pyarrow on stdout. It sets PROJ_LIB for the whole process, which breaks
-    # other users of PROJ (rasterio).
+    # other users of PROJ (rasterio). It imports traci, which is then libsumo for the rest of the process unless it is there.
+    _load_traci()
     with _import_environment("quiet"):
         try:
             import libsumo
