@@ -72,6 +72,25 @@ def study_table() -> str:
     return "\n".join(lines)
 
 
+def discharge_table() -> str:
+    rows = pd.read_csv(DOCS / "results" / "placed_discharge.csv")
+    lines = ["| lanes | seed | discharge [veh/h] | of the HCM | difference [%] | over the closed ground | half had merged |",
+             "|---|---|---|---|---|---|---|"]  # fmt: skip
+    for row in rows.to_dict("records"):
+        share = 100 * (row["queue_discharge_vph"] / row["hcm_queue_discharge_vph"] - 1)
+        lines.append(
+            f"| {row['zone']} | {row['seed']} | {row['queue_discharge_vph']:,.0f} | {row['hcm_queue_discharge_vph']:,.0f} | "
+            f"{share:+.1f} | {row['n_over_closed_ground']:.0f} of {row['n_passed']:.0f} | {-row['merge_q50_m']:.0f} m before "
+            "the taper |"
+        )
+    return "\n".join(lines)
+
+
+def map_sentence() -> str:
+    row = pd.read_csv(DOCS / "results" / "network_map.csv").iloc[0]
+    return f"{row['iou']:.2f} (seed {row['seed']}, {row['n_traces']} traces)"
+
+
 def example_table() -> str:
     rows = pd.read_csv(DOCS / "guide" / "place_example" / "runs.csv").groupby("configuration").mean(numeric_only=True)
     names = {

@@ -66,3 +66,4 @@ def test_report_shows_the_network_beside_the_corridor() -> None:
     page = (out / "report.html").read_text()
     assert "<h2>Network</h2>" in page
     assert "Delay on the road of the zone" in page
+    assert "asked for in the scenario" not in page  # no flow is asked for: the vehicles are those of the routes

@@ -115,10 +115,11 @@ def _driven(run: ResultFolder, method: str) -> float | None:
 
 
 def _demand(run: ResultFolder) -> float | None:
+    """The flow [veh/h] that the scenario asks for; None in a network, whose vehicles are those of its own routes."""
     path = run.folder / "scenario.toml"
     table = read_toml(path) if path.exists() else {}
     flow = table.get("simulation", {}).get("demand", {}).get("flow_vph")
-    return float(flow) if isinstance(flow, int | float) else None
+    return float(flow) if isinstance(flow, int | float) and "network" not in table else None
 
 
 def _files(folder: Path) -> list[tuple[str, str]]:
