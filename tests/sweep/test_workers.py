@@ -3,7 +3,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from worker_tasks import divide, kill_self
+from worker_tasks import compile_a_kernel, divide, kill_self
 
 from wzsumo.sweep.workers import LocalWorkers, TaskLost
 
@@ -50,3 +50,13 @@ def test_processes_end_with_the_block_even_in_the_middle_of_a_task() -> None:
         pid = crew.start(os.getpid, limit_s=LIMIT_S).result()
         crew.start(time.sleep, 600, limit_s=LIMIT_S)
     assert not alive(pid)
+
+
+def test_workers_say_once_that_they_compile(capfd: pytest.CaptureFixture[str]) -> None:
+    with LocalWorkers(2, tells=True) as crew:
+        futures = [crew.start(compile_a_kernel, number, limit_s=LIMIT_S) for number in range(6)]
+        assert [future.result() for future in futures] == [1, 2, 3, 4, 5, 6]
+    assert capfd.readouterr().err.count("compiling the kernels; this is done once") == 1
+    with LocalWorkers(1) as crew:
+        assert crew.start(compile_a_kernel, 1, limit_s=LIMIT_S).result() == 2
+    assert capfd.readouterr().err == ""

@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         finished = set(read_results(args.out)["case"]) if (args.out / RESULTS).is_file() else set()
         work = estimate(study, finished=finished)
         return asdict(work) | {"workers": cores, "about_s": round(work.wall_clock_s(cores), 1)}
-    pool = ClusterWorkers(args.scheduler, version=code_version) if args.scheduler else LocalWorkers(cores)
+    pool = ClusterWorkers(args.scheduler, version=code_version) if args.scheduler else LocalWorkers(cores, tells=not args.quiet)
     summary = run_sweep(study, args.out, workers=pool, progress=_untold if args.quiet else case_progress, tell=print_message)
     if summary.n_refused == summary.n_cases:
         reason = read_results(args.out)["reason"].iloc[0]

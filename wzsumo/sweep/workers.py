@@ -12,7 +12,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
@@ -20,6 +20,7 @@ from types import TracebackType
 from typing import Any, Protocol, Self
 
 from wzsumo.files.work_folder import work_folder
+from wzsumo.sweep.compiling import compiling_told
 
 Call = tuple[Callable[..., Any], tuple[Any, ...], float]  # function, arguments, time limit [s]
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -43,10 +44,13 @@ class Workers(Protocol):
 
 
 class LocalWorkers:
-    """`count` processes on this machine. Each is started when it is first needed, and again after it is lost."""
+    """`count` processes on this machine. Each is started when it is first needed, and again after it is lost.
 
-    def __init__(self, count: int) -> None:
-        self.count = count
+    Where `tells`, the first of them that compiles kernels says so on stderr.
+    """
+
+    def __init__(self, count: int, *, tells: bool = False) -> None:
+        self.count, self._tells = count, tells
         self._tasks: SimpleQueue[tuple[Future[Any], Call] | None] = SimpleQueue()
         self._stopping = threading.Event()
         self._processes: list[_Process | None] = [None] * count
@@ -81,7 +85,7 @@ class LocalWorkers:
     def _serve(self, slot: int) -> None:
         while (item := self._tasks.get()) is not None and not self._stopping.is_set():
             future, call = item
-            process = self._processes[slot] or _Process(self._scratch)
+            process = self._processes[slot] or _Process(self._scratch, tells=self._tells)
             self._processes[slot] = process
             if self._stopping.is_set():  # checked once `__exit__` can see the process, so that one of the two threads kills it
                 break
@@ -99,12 +103,12 @@ class LocalWorkers:
 class _Process:
     """One worker process and the pipe to it. It leads a process group, to which what it starts, such as SUMO, belongs."""
 
-    def __init__(self, scratch: str) -> None:
+    def __init__(self, scratch: str, *, tells: bool) -> None:
         spawn = multiprocessing.get_context(
             "spawn"
         )  # a forked process would inherit locks that other threads hold at that moment
         self._pipe, other_end = spawn.Pipe()
-        self._process = spawn.Process(target=_run_calls, args=(other_end, scratch), daemon=True)
+        self._process = spawn.Process(target=_run_calls, args=(other_end, scratch, tells), daemon=True)
         self._process.start()
         other_end.close()  # otherwise the pipe would stay open after the process has ended
 
@@ -135,19 +139,27 @@ def _describe_end(exitcode: int | None) -> str:
     return f"its process ended with exit code {exitcode}"
 
 
-def _run_calls(pipe: "Connection[Any, Any]", scratch: str) -> None:
+def _run_calls(pipe: "Connection[Any, Any]", scratch: str, tells: bool) -> None:
     """Run the calls that come through the pipe until it closes. A call that raises ends the process."""
     os.setsid()
     tempfile.tempdir = scratch
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _silence_libraries()
-    while True:
-        try:
-            function, args = pipe.recv()
-        except EOFError:
-            return
-        with _ErrorsSent(pipe):
-            pipe.send((True, function(*args)))
+    with compiling_told(lambda line: _say_once(line, scratch)) if tells else nullcontext():
+        while True:
+            try:
+                function, args = pipe.recv()
+            except EOFError:
+                return
+            with _ErrorsSent(pipe):
+                pipe.send((True, function(*args)))
+
+
+def _say_once(line: str, scratch: str) -> None:
+    """Print a line on stderr, unless another process of this pool has printed one."""
+    with suppress(FileExistsError):
+        (Path(scratch) / "told").touch(exist_ok=False)
+        sys.stderr.write(f"{line}\n")
 
 
 def _silence_libraries() -> None:

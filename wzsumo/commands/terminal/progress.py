@@ -5,10 +5,10 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from wzsumo.case.watch import Progress, Tell, quiet_progress
 from wzsumo.errors import one_line
+from wzsumo.sweep.compiling import compiling_told
 
 LINE_DELAY_S, LINE_INTERVAL_S = 2.0, 10.0  # a log tells of a step from so long on, and so often
 
@@ -64,19 +64,5 @@ def telling_of_compiling(args: argparse.Namespace) -> Iterator[None]:
     if args.quiet or "numba" not in sys.modules:  # a command without kernels
         yield
         return
-    from numba.core import event
-
-    class Listener(event.Listener):  # type: ignore[misc]  # numba has no types
-        told = False
-
-        def on_start(self, event: Any) -> None:
-            module = event.data["dispatcher"].py_func.__module__
-            if not self.told and module.startswith("wzsumo."):
-                self.told = True
-                say(args, "compiling the kernels; this is done once and takes a minute or two (`wzsumo warm` does it ahead)")
-
-        def on_end(self, event: Any) -> None:
-            """Nothing is said at the end."""
-
-    with event.install_listener("numba:compile", Listener()):
+    with compiling_told(lambda line: say(args, line)):
         yield
