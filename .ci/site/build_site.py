@@ -50,10 +50,21 @@ def main() -> int:
         done = subprocess.run([sys.executable, "-m", "zensical", "build", "--strict", "--clean"], cwd=work, check=False)
         if done.returncode:
             return done.returncode
+        for page in (work / "site").rglob("*.html"):
+            page.write_text(for_everybody(page.read_text(encoding="utf-8")), encoding="utf-8")
         shutil.rmtree(args.out, ignore_errors=True)
         shutil.copytree(work / "site", args.out)
     sys.stdout.write(f"{args.out}/index.html\n")
     return 0
+
+
+def for_everybody(page: str) -> str:
+    """The page without links that have no name, and with the keyboard for what scrolls."""
+    page = re.sub(r'<a id="__codelineno[^>]*></a>', "", page)
+    page = re.sub(r"(<pre[^>]*>(?:<span></span>)?<code)(?=[ >])", r'\1 tabindex="0"', page)
+    return page.replace("<table>", '<table tabindex="0">').replace(
+        '<div class="equation"', '<div tabindex="0" class="equation"'
+    )
 
 
 def write_sources(site: Path, *, notebook: nbformat.NotebookNode) -> None:

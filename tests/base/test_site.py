@@ -7,6 +7,8 @@ from pathlib import Path
 
 import site_math
 import site_pages
+from report.test_accessibility import axe
+from report.test_pages_in_a_browser import CHROMIUM
 
 import wzsumo
 from wzsumo import cli
@@ -26,6 +28,14 @@ def test_documentation_builds_without_a_warning_whole_and_for_use_without_a_netw
     check_links(site)
     check_reference_and_gallery(site)
     check_equations(site)
+    if CHROMIUM:
+        for name, width, dark in (
+            ("index.html", 1280, False),
+            ("guide/keys.html", 390, True),
+            ("method/lanes.html", 1280, False),
+        ):
+            page = site / name
+            assert axe(page.read_text(encoding="utf-8"), page.parent, width=width, dark=dark) == [], name
 
 
 def check_links(site: Path) -> None:
