@@ -29,6 +29,7 @@ from wzsumo.report.report import PAGE, write_report
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.zone_to_place import read_zone_to_place
 from wzsumo.simulation.connection import refuse_without_display
+from wzsumo.tables import refuse_endless_traces
 from wzsumo.vehicle import VehicleGeometry
 
 
@@ -90,6 +91,7 @@ def build_map(
     road_file = None if road is None else Path(road)
     chosen = crowd_method(method, road=road_file)
     fixes = fixes_from(traces)
+    refuse_endless_traces(fixes.table, source="traces")
     usable = usable_traces(fixes.table, source="traces").traces
     before = read_road(road_file, usable, source="traces", frame=fixes.frame, utc=fixes.utc)
     return map_of_traces(

@@ -9,6 +9,7 @@ import pandas as pd
 from wzsumo.errors import TraceError, shown
 from wzsumo.frames import FloatArray
 
+MAX_TRACE_M = 1e6  # over which most fixes of one vehicle spread: a day's drive; a zone is a thousandth of it
 TRACE_COLUMNS = ("vehicle_id", "time_s", "x_m", "y_m")  # needed for a map
 TRACE_OPTIONAL_COLUMNS = ("heading_rad", "speed_mps", "length_m", "width_m", "position_sd_m")
 EGO_LOG_COLUMNS = (
@@ -36,6 +37,24 @@ def check_traces(traces: pd.DataFrame, *, source: str) -> pd.DataFrame:
     # Sorted by codes, since a million strings take seconds to sort.
     order = np.lexsort((numbers["time_s"], pd.factorize(ids, sort=True)[0]))
     return pd.DataFrame({"vehicle_id": ids.array[order]} | {name: values[order] for name, values in numbers.items()})
+
+
+def refuse_endless_traces(traces: pd.DataFrame, *, source: str) -> None:
+    """Raise TraceError where most fixes of a vehicle spread over more than MAX_TRACE_M: a line along them would have no end.
+
+    Single fixes that lie far away do not count.
+    """
+    points = traces[["x_m", "y_m"]].apply(pd.to_numeric, errors="coerce").replace([np.inf, -np.inf], np.nan)
+    if not len(points) or not (points.quantile(0.95) - points.quantile(0.05) > MAX_TRACE_M).any():
+        return
+    each = points.groupby(traces["vehicle_id"].astype(str))
+    spread = (each.quantile(0.95) - each.quantile(0.05)).max(axis=1)
+    if (spread > MAX_TRACE_M).any():
+        vehicle, most_km = spread.idxmax(), spread.max() / 1000
+        raise TraceError(
+            f"{source}: the fixes of {shown(vehicle)} spread over {most_km:.0f} km; a map is of one road: see what units the "
+            "coordinates have, or cut the traces to the zone"
+        )
 
 
 def _finite(column: pd.Series, *, source: str) -> FloatArray:

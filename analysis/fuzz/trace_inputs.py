@@ -223,7 +223,7 @@ def _fcd(table: pd.DataFrame, rng: random.Random) -> bytes:
         values = " ".join(f'{names[name]}="{_xml(row[name])}"' for name in columns) + angle
         steps.append(f'<timestep time="{_xml(row.get("time_s", "0"))}"><vehicle {values}/></timestep>')
     outside = '<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>'
-    head = rng.choice(("", "", "", '<?xml version="1.0" encoding="UTF-16"?>', _BOMB, outside))
+    head = rng.choice(("", "", "", '<?xml version="1.0" encoding="UTF-16"?>', BOMB, outside))
     inner = rng.choice(("", "", "&z;", "&x;"))
     return f"{head}<fcd-export>{inner}{''.join(steps)}</fcd-export>".encode("utf-8", "surrogatepass")
 
@@ -254,6 +254,6 @@ def _xml(text: object) -> str:
     return str(text).replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
 
 
-_BOMB = '<!DOCTYPE z [<!ENTITY a "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaa">' + "".join(
+BOMB = '<!DOCTYPE z [<!ENTITY a "aaaaaaaaaaaaaaaaaaaaaaaaaaaaaa">' + "".join(
     f'<!ENTITY {chr(98 + n)} "{f"&{chr(97 + n)};" * 30}">' for n in range(25)
 ) + "]>"  # fmt: skip

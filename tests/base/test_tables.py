@@ -4,7 +4,7 @@ import pytest
 from builders import straight_traces
 
 from wzsumo.errors import TraceError
-from wzsumo.tables import check_traces
+from wzsumo.tables import check_traces, refuse_endless_traces
 
 TRACES = straight_traces([0.0, 3.5], length_m=10)
 
@@ -54,3 +54,13 @@ def test_empty_vehicle_id_is_refused_with_the_row() -> None:
 
 def test_table_without_fixes_is_refused() -> None:
     assert "no fixes" in refusal(TRACES.iloc[:0])
+
+
+def test_traces_without_end_are_refused_and_single_fixes_far_away_are_not() -> None:
+    times = np.arange(20.0)
+    usual = pd.DataFrame({"vehicle_id": "a", "time_s": times, "x_m": 20 * times, "y_m": 0.0})
+    refuse_endless_traces(pd.concat([usual, usual.tail(1).assign(x_m=1e15)]), source="here")
+    elsewhere = usual.assign(vehicle_id="b", x_m=usual["x_m"] + 4e6)
+    refuse_endless_traces(pd.concat([usual, elsewhere]), source="here")
+    with pytest.raises(TraceError, match="here: the fixes of 'a' spread over 342000 km"):
+        refuse_endless_traces(usual.assign(x_m=2e7 * times), source="here")

@@ -85,3 +85,13 @@ def test_options_that_cannot_be_are_refused(
     code, _, err = export(capsys, tmp_path, "--to", "opendrive", "--out", str(tmp_path / "o.xodr"), *words)
     assert code == 2
     assert said in err
+
+
+@pytest.mark.parametrize("origin", [("1e300", "0"), ("42", "1e300"), ("91", "0"), ("0", "-181")])
+def test_an_origin_that_is_no_place_on_earth_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], origin: tuple[str, str]
+) -> None:
+    words = ("--to", "lanelet2", "--out", str(tmp_path / "out.osm"), "--origin", *origin)
+    code, _, err = export(capsys, tmp_path, *words, frame=None)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "give a latitude of -90..90" in err

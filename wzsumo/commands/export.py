@@ -50,6 +50,8 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         if content.frame is not None:
             raise SpecError(f"--origin: {args.lanes} has a place on earth already ({content.frame.crs}); leave --origin out")
         lat, lon = args.origin
+        if not (-90 <= lat <= 90 and -180 <= lon <= 180):
+            raise SpecError(f"--origin {lat:g} {lon:g}: give a latitude of -90..90, then a longitude of -180..180")
         content = replace(content, frame=local_frame([[lon, lat]], step_deg=1e-9))
     if args.speed_limit_mph is not None and not 0 < args.speed_limit_mph <= 100:
         raise SpecError(f"--speed-limit-mph {args.speed_limit_mph:g} must be above 0 and at most 100")

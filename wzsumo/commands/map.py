@@ -36,6 +36,7 @@ from wzsumo.report.zone_page import write_zone_page
 from wzsumo.road import Road
 from wzsumo.scenario.known_road import KnownRoad, announcement_along, read_known_road
 from wzsumo.scenario.road_before import check_on_road, map_before
+from wzsumo.tables import refuse_endless_traces
 from wzsumo.units import METRES_PER_FOOT
 
 MORE = """\
@@ -96,6 +97,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     method, source = crowd_method(args.method, road=args.road), " ".join(map(str, args.traces))
     with progress_of(args)("reading the traces", 1.0) as tell:
         fixes = read_fixes(args.traces, columns=column_names(args.columns), crs=args.crs, tell=tell)
+    refuse_endless_traces(fixes.table, source=source)
     heading = None if args.direction is None else math.pi / 2 - math.radians(args.direction)
     with progress_of(args)("checking the fixes", 1.0) as tell:
         usable = usable_traces(fixes.table, source=source, heading_rad=heading, tell=tell)
