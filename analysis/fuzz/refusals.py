@@ -1,6 +1,6 @@
 """Measures what it takes to refuse inputs that ask for too much: processor time and memory, beside those of the start alone.
 
-    .venv/bin/python analysis/fuzz/bounds.py --out results/bounds
+    .venv/bin/python analysis/fuzz/refusals.py --out results/refusals
 
 The start alone is the same command with a file that is not there.
 """
@@ -9,6 +9,7 @@ import argparse
 import csv
 import gzip
 import os
+import sys
 import tempfile
 from pathlib import Path
 
@@ -66,10 +67,10 @@ def cases() -> dict[str, Case]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, default=Path("results/bounds"))
+    parser.add_argument("--out", type=Path, default=Path("results/refusals"))
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
-    table = [("kind", "command", "exit_code", "lines", "cpu_s", "of_which_start_s", "largest_mb")]
+    table: list[tuple[str, ...]] = [("kind", "command", "exit_code", "lines", "cpu_s", "of_which_start_s", "largest_mb")]
     starts: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as base:
         (Path(base) / "big.pgm").write_bytes(b"P5\n100000 100000\n255\n\0\0")
@@ -83,22 +84,20 @@ def main() -> None:
             table.append(
                 (kind, command, *map(str, (code, lines, f"{cpu_s:.1f}", f"{starts[command]:.1f}", f"{largest_mb:.0f}")))
             )
-            with (args.out / "bounds.csv").open("w", newline="") as file:
+            with (args.out / "refusals.csv").open("w", newline="") as file:
                 csv.writer(file).writerows(table)
     print(*(",".join(row) for row in table), sep="\n")
 
 
 def _measured(command: str, path: Path, words: list[str]) -> tuple[int, int, float, float]:
     """(exit code, lines on stderr, processor time [s], largest memory [MB]) of a command in a process of its own."""
-    import sys
-
     said, out = path.with_name("said"), path.with_name("out.npy")
     given = ["--from", str(path)] if command == "init" else [str(path)]
     child = os.fork()
     if child == 0:
         os.dup2(os.open(said, os.O_CREAT | os.O_TRUNC | os.O_WRONLY), 2)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        os.execv(sys.executable, [sys.executable, "-m", "wzsumo", command, *given, *words, "--out", str(out)])
+        os.execv(sys.executable, [sys.executable, "-m", "wzsumo", command, *given, *words, "--out", str(out)])  # noqa: S606 - ours
     _, status, usage = os.wait4(child, 0)
     lines = len(said.read_text(errors="replace").splitlines())
     return os.waitstatus_to_exitcode(status), lines, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
