@@ -76,6 +76,7 @@ def run(scenario: Scenario, *, share: float, speed: float) -> dict[str, float]:
                 session.step()
                 if session.time % 1.0 > files.step_length / 2:
                     continue
+                session.resolve_gridlock()
                 traffic = session.traffic()
                 station = layout.road.to_sd(traffic.poses[:, :2])[0] if traffic.ids else np.empty(0)
                 automated |= set(choose_equipped(pd.Index(traffic.ids), penetration=share, seed=scenario.seed))

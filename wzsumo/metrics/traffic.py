@@ -52,8 +52,9 @@ CELL_S, CELL_M = 10.0, 20.0  # space-time grid: finer than a stop-and-go wave, c
 UPSTREAM_M = (400.0, 300.0)  # stretch upstream of the bottleneck whose speed shows a breakdown; chosen by us
 TAPER_APPROACH_M = 200.0  # distance ahead of the zone from which the spread of speeds counts; chosen by us
 HARD_BRAKE_MPS2 = 2.67  # 0.272 g over a second: the threshold of connected-vehicle "hard braking" (Hunter et al. 2021)
-TTC_CONFLICT_S = 1.5  # FHWA's Surrogate Safety Assessment Model, default threshold
-PET_CONFLICT_S = 1.0  # below the net time gap of most drivers, so that car following is no conflict; chosen by us
+TTC_CONFLICT_S = 1.5  # default of FHWA's Surrogate Safety Assessment Model (Gettman et al. 2008, FHWA-HRT-08-051)
+# Below the net time gap of most drivers, so that car following is no conflict; chosen by us. SSAM takes all up to 5 s (ibid.).
+PET_CONFLICT_S = 1.0
 DRAC_CONFLICT_MPS2 = 3.35  # Archer 2005: above it a conflict is severe
 HOUR_S, MINUTE_S = 3600.0, 60.0
 
