@@ -61,7 +61,7 @@ def drive(layout: Layout, traffic: Traffic, *, seed: int, number: int) -> Drive:
     t = _times(s, speed, random) + 15.0 * number + random.uniform(0.0, 10.0)
     kept = (s >= 0) & (s <= layout.length)
     if random.random() < traffic.partial_share:
-        begin = random.uniform(-0.5, 0.7) * layout.length
+        begin = random.uniform(-0.25, 0.7) * layout.length
         kept &= (s >= begin) & (s <= begin + random.uniform(0.3, 0.8) * layout.length)
     return Drive(t=t[kept], s=s[kept], d=d[kept])
 

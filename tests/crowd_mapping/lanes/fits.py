@@ -49,7 +49,7 @@ def fit_of(
         position=np.stack([middle, middle**2], axis=-1), burst=np.zeros((n, m)) if burst is None else burst,
         class_share=classes,
         receivers=Receivers(sigma=np.r_[sigmas, 8.0], rho=np.full((n, len(sigmas) + 1), 0.9), stated=np.full(n, np.nan)),
-        changes=np.zeros((n_lanes - 1, 2)), log_likelihood=np.zeros(n),
+        changes=np.zeros((n, n_lanes - 1, 2)), log_likelihood=np.zeros(n),
         log_posterior=0.0,
     )  # fmt: skip
 

@@ -53,6 +53,14 @@ def test_poor_receivers_and_creeping_vehicles_make_no_branch(how: dict[str, Any]
     assert branches_of(exit_of(4), **how) == ()
 
 
+def test_strip_that_receivers_in_error_may_explain_is_no_branch_where_a_ramp_joins_it() -> None:
+    """Of 60 receivers of 1.1 m, two or three seem to be beside the lanes for long; ten drive the ramp ahead of that."""
+    ramp = exit_of(10, at=-6.0, first=2, last=12)
+    (branch,) = branches_of(np.vstack([ramp, exit_of(2, at=-5.0, first=12, last=38), np.zeros((48, M))]), sigma=1.1)
+    assert branch.line[-1, 0] <= 240
+    assert branches_of(np.vstack([exit_of(2, at=-5.0, first=12, last=38), np.zeros((58, M))]), sigma=1.1) == ()
+
+
 def test_vehicles_beside_the_lanes_for_20_m_make_no_branch() -> None:
     assert branches_of(exit_of(4, first=10, last=12)) == ()
 

@@ -139,6 +139,19 @@ def test_lane_that_vehicles_leave_outwards_is_no_likelier_for_it() -> None:
     assert log_closing(fit_of(inwards), sights[1]) > 10.0
 
 
+def test_auxiliary_lane_begins_where_good_receivers_enter_it_whatever_poor_ones_seem_to_drive() -> None:
+    """Ten of 50 enter the right lane at 800 m and leave it by 1,100 m; eight poor receivers seem to be in it ahead of that."""
+    in_lane = always_in([1] * 50, n_stations=90, n_lanes=3)
+    for i in range(10):
+        in_lane[i, 40 + i % 4 : 56 - i % 3] = [1.0, 0.0, 0.0]
+    in_lane[42:, :40] = [0.7, 0.3, 0.0]
+    sigma = np.r_[np.full(42, 0.5), np.full(8, 2.5)]
+    _, closures = fit_closures(fit_of(in_lane, sigma=sigma), seen(3.6 * (in_lane @ np.arange(3.0))), ClosurePrior())
+    p_open = p_open_strips(closures[0], np.arange(0.0, 1800.0, 20.0), outer_left=False, taper_m=1.0, strips=1)[:, 0]
+    assert p_open[[16, 20, 24]].max() < 0.3
+    assert p_open[48] > 0.8
+
+
 def test_lane_that_nobody_enters_for_long_after_its_closure_has_one_closure() -> None:
     """The zone ends at 700 m, the crowd comes back at 1,200 m: nobody shows that the lane was open in between."""
     in_lane = always_in([0] * 40, n_stations=90)

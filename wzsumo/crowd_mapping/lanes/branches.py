@@ -17,7 +17,7 @@ MIN_LENGTH_M = 40.0
 def find_branches(
     fit: LaneFit, observations: Observations, *, slow: BoolArray, removed_shift: float, width: float
 ) -> tuple[MappedBranch, ...]:
-    """Strips of a width [m] on either side of the lanes, each driven by more witnesses than receivers that err explain."""
+    """Strips of a width [m] on either side of the lanes, each driven all along by more witnesses than receivers in error."""
     right = fit.course.offset + fit.setting.base - fit.course.width / 2
     left = right + fit.setting.n_lanes * fit.course.width
     needed = MIN_WITNESSES + round(misplaced_share(fit) * len(observations.ids))
@@ -30,12 +30,12 @@ def find_branches(
 
 
 def _branches(
-    y: FloatArray, beside: BoolArray, observations: Observations, *, shift: float, width: float, needed: float
+    y: FloatArray, beside: BoolArray, observations: Observations, *, shift: float, width: float, needed: int
 ) -> list[MappedBranch]:
     open_runs: list[list[tuple[int, float, set[int]]]] = []
     done: list[list[tuple[int, float, set[int]]]] = []
     for t in range(y.shape[1]):
-        groups = _groups(np.flatnonzero(beside[:, t]), y[:, t])
+        groups = _groups(np.flatnonzero(beside[:, t]), y[:, t], needed=needed)
         taken = set()
         still_open = []
         for run in open_runs:
@@ -57,14 +57,14 @@ def _branches(
     for run in done + open_runs:
         at = observations.stations[[point[0] for point in run]]
         ids = set.union(*(point[2] for point in run))
-        if at[-1] - at[0] >= MIN_LENGTH_M and len(ids) >= needed:
+        if at[-1] - at[0] >= MIN_LENGTH_M:
             line = observations.axis.to_xy(at, np.array([point[1] for point in run]) - shift)
             branches.append(MappedBranch(line=line, width=np.full(len(at), width), p_open=0.95, n_traces=len(ids)))
     return branches
 
 
-def _groups(rows: np.ndarray, y: FloatArray) -> list[tuple[float, set[int]]]:
-    """(median offset, traces) of groups of MIN_WITNESSES or more neighbours."""
+def _groups(rows: np.ndarray, y: FloatArray, *, needed: int) -> list[tuple[float, set[int]]]:
+    """(median offset, traces) of groups of `needed` or more neighbours."""
     order = rows[np.argsort(y[rows])]
     cuts = np.flatnonzero(np.diff(y[order]) > MAX_SPREAD_M) + 1
-    return [(float(np.median(y[part])), set(part.tolist())) for part in np.split(order, cuts) if len(part) >= MIN_WITNESSES]
+    return [(float(np.median(y[part])), set(part.tolist())) for part in np.split(order, cuts) if len(part) >= needed]

@@ -29,8 +29,10 @@ QUEUED_SHARE = 0.25  # of traces that are slow at a place: more of them stand in
 MIN_SLOW_S = 20.0  # that such a vehicle loses; a fix that is a second or two late loses no more. Chosen by us
 # A closure is doubted where this many traces, and at most this share of them, seem to drive in it
 MIN_DOUBTFUL_USERS, MAX_DOUBTFUL_SHARE = 0.5, 0.35
-DOUBT_TURNS, DOUBT_ROUNDS = 4, 2  # of a fit with the lane closed and of where it is closed; of the fit within each turn
+DOUBT_TURNS, DOUBT_ROUNDS = 4, 1  # of a fit with the lane closed and of where it is closed; of the fit within each turn
 MIN_DOUBTFUL_SIGMA_M = 0.8  # of the receivers of those users: better ones do not err by a lane. Chosen by us
+ENOUGH_GOOD = 10  # traces of good receivers, from which on these alone say where a lane has further closures. Chosen by us
+LEAST_USER = 0.01  # chance of a trace to be in the closed lane, from which on it is fitted again
 LEAST_LOG_ODDS = -15.0  # of a closure that is worth a further fit
 
 
@@ -83,7 +85,7 @@ def fit_closures(fit: LaneFit, observations: Observations, prior: ClosurePrior) 
     for lane in range(fit.setting.n_lanes):
         interval, log_ratio = _evidence(lane, sight, prior)
         log_odds = prior.log_odds(lane) + log_ratio
-        good, _ = _evidence(lane, sight, prior, witness=np.where(sight.fit.sigma < MIN_DOUBTFUL_SIGMA_M, 1.0, 0.0))
+        good, _ = _evidence(lane, sight, prior, witness=_good_receivers(sight.fit))
         if log_odds > LEAST_LOG_ODDS and _users_may_err(lane, good, sight):
             closed, doubted, doubted_log_odds = _doubted(lane, good, sight, prior)
             log_odds = max(log_odds, doubted_log_odds)
@@ -110,23 +112,31 @@ def _closure(interval: FloatArray, log_odds: float) -> Closure:
 def _beside(lane: int, closure: Closure, within: slice, sight: _Sight) -> list[Closure]:
     """Closures that are likelier than not, nothing being announced, ahead of one that is and behind it, `within` stations.
 
-    Between two closures vehicles drove in the lane.
+    Between two closures vehicles drove in the lane. Good receivers alone are asked where there are enough of them: those that
+    err by a lane seem to drive in lanes that nobody drives.
     """
     if closure.p_closed <= 0.5:
         return []
     unannounced, found = ClosurePrior(), []
     e, b = _likeliest(closure.interval)
-    used = np.flatnonzero(sight.driven[:, :, lane].sum(axis=0) >= 1)  # else it is one closure, and longer
+    good = _good_receivers(sight.fit)
+    used = np.flatnonzero(good @ sight.driven[:, :, lane] >= 1)  # else it is one closure, and longer
     ahead, behind = used[(used >= within.start) & (used < e)], used[(used > b) & (used < within.stop)]
     parts = [slice(within.start, int(ahead.max()))] if len(ahead) else []
     parts += [slice(int(behind.min()) + 1, within.stop)] if len(behind) else []
     for part in parts:
         if (part.stop - part.start) * sight.observations.spacing > SHORTEST_CLOSURE_M:
-            interval, log_ratio = _evidence(lane, sight, unannounced, part=part)
+            interval, log_ratio = _evidence(lane, sight, unannounced, witness=good, part=part)
             other = _closure(interval, unannounced.log_odds(lane) + log_ratio)
             if other.p_closed > 0.5:
                 found += [other, *_beside(lane, other, part, sight)]
     return found
+
+
+def _good_receivers(fit: LaneFit) -> FloatArray:
+    """1 for traces (traces,) of receivers that do not err by a lane, else 0; 1 for all where these are too few."""
+    good = fit.sigma < MIN_DOUBTFUL_SIGMA_M
+    return np.where(good, 1.0, 0.0) if good.sum() >= ENOUGH_GOOD else np.ones(len(good))
 
 
 def log_closing(fit: LaneFit, observations: Observations) -> float:
@@ -168,8 +178,10 @@ def _doubted(lane: int, interval: FloatArray, sight: _Sight, prior: ClosurePrior
     """
     fit, observations = sight.fit, sight.observations
     closed, tried = fit, []
+    users = np.zeros(len(observations.ids), dtype=bool)
     for _ in range(DOUBT_TURNS):
         at = _likeliest(interval)
+        users |= sight.driven[:, at[0] : at[1] + 1, lane].max(axis=1) > LEAST_USER
         setting = replace(fit.setting, closed=(*fit.setting.closed, (lane, *at)))
         closed = fit_lanes(
             observations,
@@ -178,6 +190,7 @@ def _doubted(lane: int, interval: FloatArray, sight: _Sight, prior: ClosurePrior
             receivers=fit.receivers,
             rounds=DOUBT_ROUNDS,
             crowd=crowd_of(closed, observations),
+            others=(closed, users),
         )
         ratio = (1 - SEEMING_SHARE) * np.exp(np.clip(closed.log_likelihood - fit.log_likelihood, -50, 0))
         follows = ratio / (ratio + SEEMING_SHARE)

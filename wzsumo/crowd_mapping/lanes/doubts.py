@@ -46,7 +46,7 @@ def said_of_explained(explained: float) -> list[str]:
 def said_of_count(there: FloatArray) -> list[str]:
     """What is said of lanes that may not be there, by the probability (lanes,) of each."""
     return [
-        f"lane {number} (0 = rightmost) may not be there (probability that it is: {p:.2f}): its receivers may err"
+        f"lane {number} (0 = rightmost) may not be there (probability that it is: {p:.2f}): other lanes explain the traces too"
         for number, p in enumerate(there)
         if p < 1 - FREE_THRESHOLD
     ]

@@ -65,7 +65,7 @@ class LaneFit:
     position: FloatArray
     burst: FloatArray
     class_share: FloatArray
-    changes: FloatArray  # (lanes - 1, 2) expected lane changes, from lane k to k + 1 and back
+    changes: FloatArray  # (traces, lanes - 1, 2) expected lane changes, from lane k to k + 1 and back
     receivers: Receivers
     log_likelihood: FloatArray
     log_posterior: float
@@ -92,14 +92,16 @@ def fit_lanes(
     crowd: Crowd | None = None,
     tried: BoolArray | None = None,
     roughly: bool = False,
+    others: tuple[LaneFit, BoolArray] | None = None,
 ) -> LaneFit:
     """The fit that begins at a course (m,) [m], relative to `base`; of 0 rounds it has its likelihoods alone.
 
     `crowd` is what is known of it beforehand, `tried` (traces, classes) which classes of receivers may be. `roughly`,
-    it is faster: see `smooth_traces`.
+    it is faster: see `smooth_traces`. Of `others`, a fit and a mask (traces,), traces outside the mask keep what that fit has:
+    an incremental E step (Neal and Hinton 1998), where a change of the setting concerns few of them.
     """
     receivers = receivers or receivers_of(observations)
-    expect = partial(_expect, observations, setting, receivers, roughly=roughly)
+    expect = partial(_expect_some, observations, setting, receivers, others=others, roughly=roughly)
     crowd = crowd or first_crowd(setting, receivers)
     fit = expect(course_at_start(course, setting.prior), crowd, likelihood_only=rounds == 0, tried=tried)
     if rounds == 0:
@@ -113,6 +115,38 @@ def fit_lanes(
     # The course of this fit, with its standard deviations.
     last = _maximise(observations, setting, fit)
     return replace(fit, course=replace(fit.course, sd=last.sd, shift_sd=last.shift_sd, width_sd=last.width_sd))
+
+
+def _expect_some(
+    observations: Observations,
+    setting: LaneSetting,
+    receivers: Receivers,
+    course: Course,
+    crowd: Crowd,
+    *,
+    others: tuple[LaneFit, BoolArray] | None,
+    tried: BoolArray | None = None,
+    **how: bool,
+) -> LaneFit:
+    """`_expect`, of traces of a mask alone where there are `others`."""
+    if others is None:
+        return _expect(observations, setting, receivers, course, crowd, tried=tried, **how)
+    known, again = others
+    new = _expect(
+        observations.of(again),
+        setting,
+        receivers.of(again),
+        course,
+        crowd,
+        tried=None if tried is None else tried[again],
+        **how,
+    )
+    by_trace = ("in_lane", "position", "burst", "class_share", "changes", "log_likelihood")
+    of_traces = {name: getattr(known, name).copy() for name in by_trace}
+    for name, values in of_traces.items():
+        values[again] = getattr(new, name)
+    log_posterior = float(of_traces["log_likelihood"].sum() + course.log_prior + crowd.log_prior)
+    return replace(new, **of_traces, receivers=receivers, log_posterior=log_posterior)
 
 
 def _expect(
@@ -148,7 +182,7 @@ def _expect(
         position=np.stack([state_share @ chain.position, state_share @ chain.position**2], axis=-1),
         burst=state_share[:, :, chain.burst].sum(axis=2),
         class_share=smoothed.class_share,
-        changes=(on_lanes[:, None] * state_share.sum(axis=1)).sum(axis=0)[chain.begun] / chain.visits,
+        changes=(on_lanes[:, None] * state_share.sum(axis=1))[:, chain.begun] / chain.visits,
         receivers=receivers,
         log_likelihood=smoothed.log_likelihood,
         log_posterior=float(smoothed.log_likelihood.sum() + course.log_prior + crowd.log_prior),
@@ -193,5 +227,5 @@ def crowd_of(fit: LaneFit, observations: Observations) -> Crowd:
     return Crowd(
         receivers=shares_after(fit.class_share),
         first_lanes=counts / counts.sum(),
-        changes_per_m=(1 + fit.changes) / (1 / LANE_CHANGES_PER_M + exposure),
+        changes_per_m=(1 + fit.changes.sum(axis=0)) / (1 / LANE_CHANGES_PER_M + exposure),
     )

@@ -7,9 +7,10 @@ import numpy as np
 
 from wzsumo.crowd_mapping.lanes.closures import log_closing
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
-from wzsumo.crowd_mapping.lanes.fit import LEAST_TRIED, LaneFit, LaneSetting, crowd_of, fit_lanes
+from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
 from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
+from wzsumo.crowd_mapping.lanes.rival_fits import in_full, likeliest_lanes
 from wzsumo.frames import FloatArray
 
 MAX_LANES = 6
@@ -28,32 +29,13 @@ RIVAL = 20.0  # nats behind the likeliest on some traces, from which on no more 
 def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> tuple[LaneFit, FloatArray]:
     """(the likeliest fit over the numbers of lanes, probability (lanes,) that each of its lanes is there).
 
-    A lane is there by the probability of the numbers of lanes that have one in its place, of those that are fitted in full.
-    Without `off_lane` no vehicle is beside the lanes.
+    The numbers of lanes that are likeliest after rough fits are fitted in full. Without `off_lane` no vehicle is beside lanes.
     """
     rough = _rough_fits(scouts_of(observations), observations, off_lane=off_lane)
-    likeliest = np.argsort(-_with_closures(rough, observations), kind="stable")[:FITTED]
-    fits = [_in_full(rough[i], observations) for i in likeliest]
-    score = _with_closures(fits, observations)
-    best = int(np.argmax(score))
-    p = np.exp(score - score[best])
-    return fits[best], np.minimum(
-        sum(one * _has_lanes_of(fits[best], fit) for one, fit in zip(p / p.sum(), fits, strict=True)), 1.0
-    )
-
-
-def _in_full(rough: LaneFit, observations: Observations) -> LaneFit:
-    return fit_lanes(
-        observations, rough.setting, course=rough.course.offset, receivers=rough.receivers, crowd=crowd_of(rough, observations),
-        tried=rough.class_share > LEAST_TRIED,
-    )  # fmt: skip
-
-
-def _has_lanes_of(fit: LaneFit, other: LaneFit) -> FloatArray:
-    """1 for each lane (lanes,) of `fit` in whose place `other` has one, else 0."""
-    middles = [one.course.offset[:, None] + one.course.width * np.arange(one.setting.n_lanes) for one in (fit, other)]
-    apart = np.median(np.abs(middles[0][:, :, None] - middles[1][:, None, :]), axis=0)
-    return np.where(apart.min(axis=1) < fit.course.width / 2, 1.0, 0.0)
+    score = _with_closures(rough, observations)
+    likely = [i for i in np.argsort(-score, kind="stable")[:FITTED] if score[i] > score.max() - RIVAL]
+    fits = [in_full(rough[i], observations) for i in likely]
+    return likeliest_lanes(fits, _with_closures(fits, observations))
 
 
 def _with_closures(fits: list[LaneFit], observations: Observations) -> FloatArray:

@@ -102,8 +102,7 @@ def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit,
 def _fit_lanes(observations: Observations, before: MapBefore | None, *, off_lane: bool) -> tuple[LaneFit, FloatArray]:
     if before is None:
         return fit_lane_count(observations, off_lane=off_lane)
-    fit = fit_to_road(observations, before, off_lane=off_lane)
-    return fit, np.ones(fit.setting.n_lanes)
+    return fit_to_road(observations, before, off_lane=off_lane)
 
 
 def _closure_prior(traces: pd.DataFrame, before: MapBefore | None, *, width: float) -> ClosurePrior:

@@ -1,6 +1,6 @@
 """Observations: lateral offsets of traces at common stations, how much each says, and how its receiver scatters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -40,6 +40,19 @@ class Observations:
     def spacing(self) -> float:
         """Distance [m] between stations."""
         return float(self.stations[1] - self.stations[0])
+
+    def of(self, chosen: IntArray | BoolArray) -> "Observations":
+        """Those of some of the traces, by number or by mask."""
+        return replace(
+            self,
+            offset=self.offset[chosen],
+            eta=self.eta[chosen],
+            variance=self.variance[chosen],
+            speed=self.speed[chosen],
+            slowness=self.slowness[chosen],
+            stated_sd=self.stated_sd[chosen],
+            ids=tuple(str(name) for name in np.asarray(self.ids)[chosen]),
+        )
 
 
 def observe(traces: pd.DataFrame, axis: Road) -> Observations:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wzsumo.crowd_mapping.lanes.observations import Observations
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 
 SIGMAS_M = (0.3, 0.6, 1.0, 1.7, 2.8, 4.5)  # a driver's habit alone; RTK or map-matched; good, usual, poor receivers in cars
 TIMES_S = (30.0, 100.0, 300.0)  # over which the error of positions is correlated: multipath; ionosphere and clocks
@@ -27,6 +27,10 @@ class Receivers:
     sigma: FloatArray
     rho: FloatArray
     stated: FloatArray
+
+    def of(self, chosen: BoolArray) -> "Receivers":
+        """The classes for some of the traces."""
+        return replace(self, rho=self.rho[chosen], stated=self.stated[chosen])
 
     @property
     def stray(self) -> int:
@@ -78,13 +82,4 @@ def scouts_of(observations: Observations) -> Observations:
     seen = observations.eta > 0
     place = np.array([np.median(y[ok]) if ok.any() else 0.0 for y, ok in zip(observations.offset, seen, strict=True)])
     chosen = np.sort(np.argsort(place, kind="stable")[np.linspace(0, n - 1, SCOUTS).astype(int)])
-    return replace(
-        observations,
-        offset=observations.offset[chosen],
-        eta=observations.eta[chosen],
-        variance=observations.variance[chosen],
-        speed=observations.speed[chosen],
-        stated_sd=observations.stated_sd[chosen],
-        slowness=observations.slowness[chosen],
-        ids=tuple(observations.ids[i] for i in chosen),
-    )
+    return observations.of(chosen)

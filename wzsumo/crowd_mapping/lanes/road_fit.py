@@ -9,6 +9,7 @@ from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
 from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
+from wzsumo.crowd_mapping.lanes.rival_fits import explanations, in_full, likeliest_lanes
 from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.frames import FloatArray
 
@@ -18,11 +19,17 @@ ZONE_MARGIN_SDS = 3.0  # of the announced ends, around the zone within which lan
 ZONE_WEIGHT = 0.1  # of the road's statement there: most zones move no open lane. Chosen by us
 STRIPED_WIDTH_SD_M = 0.03
 SHIFTS_M = np.arange(-7.0, 7.1, 1.0)  # of all positions, from which a fit is tried
-RIVAL = 30.0  # nats behind the likeliest start, within which the road as it was is tried too
+RIVAL = 30.0  # nats behind the likeliest start, within which another is tried too
+TRIED, ROUGH_ROUNDS = 4, 3  # starts, the likeliest, that are fitted roughly to all traces
+FITTED = 2  # explanations, the likeliest after rough fits, that are fitted in full
 
 
-def fit_to_road(observations: Observations, before: MapBefore, *, off_lane: bool = True) -> LaneFit:
-    """The likeliest of fits that begin with the road's course or with a common movement of the traces, each at some shift."""
+def fit_to_road(observations: Observations, before: MapBefore, *, off_lane: bool = True) -> tuple[LaneFit, FloatArray]:
+    """(the likeliest fit to the lanes of a road, probability (lanes,) that each of its lanes is there).
+
+    Fits begin with the road's course or with a common movement of the traces, each at some shift. Where all traces drive in one
+    lane, a fit that lies a lane aside is a rival: a lane that it has not is there by the probability of the others.
+    """
     setting = LaneSetting(
         n_lanes=before.road.own_lanes,
         base=before.road.lane_centre(0),
@@ -37,12 +44,20 @@ def fit_to_road(observations: Observations, before: MapBefore, *, off_lane: bool
     courses = [np.zeros(len(observations.stations)), cumulated_course(observations)]
     starts = [course + shift for course, shift in product(courses, SHIFTS_M)]
     scouted = partial(fit_lanes, scouts, setting, receivers=scout_receivers, rounds=0, roughly=True)
-    tried = [scouted(course=start).log_posterior for start in starts]
-    likeliest, unmoved = int(np.argmax(tried)), len(SHIFTS_M) // 2
-    chosen = {likeliest, unmoved} if tried[unmoved] > tried[likeliest] - RIVAL else {likeliest}
-    receivers = receivers_of(observations)
-    fits = [fit_lanes(observations, setting, course=starts[i], receivers=receivers) for i in sorted(chosen)]
-    return max(fits, key=lambda fit: fit.log_posterior)
+    tried = np.array([scouted(course=start).log_posterior for start in starts]).reshape(len(courses), -1)
+    roughly = partial(fit_lanes, observations, setting, receivers=receivers_of(observations), rounds=ROUGH_ROUNDS, roughly=True)
+    rough = explanations([roughly(course=starts[i]) for i in _worth_fitting(tried)])
+    likely = [fit for fit in rough[:FITTED] if fit.log_posterior > rough[0].log_posterior - RIVAL]
+    fits = [in_full(fit, observations) for fit in likely]
+    return likeliest_lanes(fits, np.array([fit.log_posterior for fit in fits]))
+
+
+def _worth_fitting(tried: FloatArray) -> list[int]:
+    """Indices of starts: where the log posterior `tried` (courses, shifts) has peaks over the shifts, the likeliest first."""
+    beside = np.pad(tried, ((0, 0), (1, 1)), constant_values=-np.inf)
+    peak = (tried >= np.maximum(beside[:, :-2], beside[:, 2:])) & (tried > tried.max() - RIVAL)
+    order = np.argsort(-tried, axis=None, kind="stable")
+    return [int(i) for i in order if peak.flat[i]][:TRIED]
 
 
 def _known(stations: FloatArray, before: MapBefore) -> FloatArray:

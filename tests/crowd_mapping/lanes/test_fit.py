@@ -1,0 +1,45 @@
+"""Fits of some of the traces: the others keep what is known of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from crowd_mapping.lanes.fits import WIDTH_M, seen
+
+from wzsumo.crowd_mapping.lanes.course import CoursePrior
+from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
+from wzsumo.crowd_mapping.lanes.observations import Observations
+
+M = 40
+PRIOR = CoursePrior(known=np.full(M, 10.0), width=WIDTH_M, width_sd=0.05, spacing=20.0)
+OPEN = LaneSetting(n_lanes=2, base=0.0, prior=PRIOR)
+CLOSED = replace(OPEN, closed=((1, 10, 30),))
+
+
+def fitted() -> tuple[Observations, LaneFit]:
+    """Twelve vehicles of which three are in lane 1, and their fit."""
+    random = np.random.default_rng(1)
+    level = np.r_[np.zeros(9), np.full(3, WIDTH_M)] + 0.2 * random.standard_normal(12)
+    observations = seen(level[:, None] + 0.1 * random.standard_normal((12, M)))
+    return observations, fit_lanes(observations, OPEN, course=np.zeros(M))
+
+
+def test_traces_outside_the_mask_keep_what_the_other_fit_has_of_them() -> None:
+    observations, fit = fitted()
+    again = np.arange(12) >= 9
+    closed = fit_lanes(observations, CLOSED, course=fit.course.offset, others=(fit, again))
+    for name in ("in_lane", "position", "burst", "class_share", "changes", "log_likelihood"):
+        assert np.array_equal(getattr(closed, name)[~again], getattr(fit, name)[~again]), name
+    assert (closed.log_likelihood[again] < fit.log_likelihood[again] - 3).all()
+    assert closed.log_posterior == pytest.approx(
+        closed.log_likelihood.sum() + fit.log_posterior - fit.log_likelihood.sum(), abs=3.0
+    )
+
+
+def test_traces_that_a_closure_does_not_concern_say_the_same_fitted_again_or_kept() -> None:
+    """Three of twelve drive where it is closed; the shares of all are those of a fit of all."""
+    observations, fit = fitted()
+    kept = fit_lanes(observations, CLOSED, course=fit.course.offset, others=(fit, np.arange(12) >= 9))
+    whole = fit_lanes(observations, CLOSED, course=fit.course.offset)
+    assert kept.in_lane == pytest.approx(whole.in_lane, abs=0.02)
+    assert kept.log_likelihood == pytest.approx(whole.log_likelihood, abs=1.0)
