@@ -50,8 +50,8 @@ def a_study(
 class AtOnce:
     """Workers that carry out a task when it is started, in this process; what it raises is in its future."""
 
-    def __init__(self, count: int = 2) -> None:
-        self.count = count
+    def __init__(self, count: int = 2, *, tells: bool = False) -> None:
+        self.count, self.tells = count, tells
         self.started: list[tuple[str, Any]] = []
 
     def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
