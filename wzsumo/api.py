@@ -129,7 +129,7 @@ def place(
     else:
         configuration = Configuration.of_files(Path(net), map(Path, routes), map(Path, additionals))
     edge, position = at or edge_near(network, *(at_latlon or (0.0, 0.0)))
-    placed = place_zone(network, to_place, edge_id=edge, position=position, side=lane_side)
+    placed = place_zone(network, to_place, edge_id=edge, position=position, side=lane_side, sizes=configuration.vehicle_sizes)
     times = zone_times(closed_from_s, closed_for_s)
     if times:
         times.check(placed.closed)

@@ -11,8 +11,13 @@ TOUCH_M = 0.1  # a vehicle that touches the line of devices by less is beside it
 CAR = (5.0, 1.8)  # SUMO's passenger car, length and width [m]
 
 
-def entered(fcd: Path, placed: Path, *, sizes: dict[str, tuple[float, float]] | None = None) -> set[str]:
-    """Ids of the vehicles whose outline reached into the closed ground. `sizes`: (length, width) [m] by vehicle type."""
+def entered(
+    fcd: Path, placed: Path, *, sizes: dict[str, tuple[float, float]] | None = None, edges: set[str] | None = None
+) -> set[str]:
+    """Ids of the vehicles whose outline reached into the closed ground. `sizes`: (length, width) [m] by vehicle type.
+
+    With `edges`, only while they are on one of these: what crosses at another level is not over the ground.
+    """
     ground = closed_ground(placed)
     core = ground.buffer(-TOUCH_M)
     shapely.prepare(core)
@@ -22,6 +27,8 @@ def entered(fcd: Path, placed: Path, *, sizes: dict[str, tuple[float, float]] | 
         if step.tag != "timestep":
             continue
         for vehicle in step:
+            if edges is not None and vehicle.get("lane", "").rpartition("_")[0] not in edges:
+                continue
             x, y = float(vehicle.get("x", "nan")), float(vehicle.get("y", "nan"))
             if left - 20 <= x <= right + 20 and low - 20 <= y <= high + 20:
                 length, width = (sizes or {}).get(vehicle.get("type", ""), CAR)

@@ -3,8 +3,9 @@
     python analysis/placement/random_placements.py NET.net.xml --sumocfg FILE --name i24 --out placement.csv
 
 Edges of two or more lanes are drawn by their length, then position, side and one or two lanes. A place works where SUMO loads
-the closed network, no vehicle drives over the closed ground, nobody teleports who would not without the zone, and no vehicle
-stands still for more than five minutes (SUMO teleports it then).
+the closed network, no vehicle's outline, of its type's length and width, reaches over the closed ground, nobody teleports who
+would not without the zone, and no vehicle stands still for more than five minutes (SUMO teleports it then). Of a vehicle with a
+trailer the part is looked at whose place and heading SUMO writes, the first.
 """
 
 import argparse
@@ -23,8 +24,10 @@ from closed_ground import closed_ground, entered
 
 from wzsumo.errors import InputError
 from wzsumo.placement.configuration import Configuration
+from wzsumo.placement.demand_files.vehicle_sizes import vehicle_sizes, vehicle_types
 from wzsumo.placement.net import Net, NetEdge
 from wzsumo.placement.placement import Placed, place_zone, write_placement
+from wzsumo.placement.xml_file import XmlFile
 from wzsumo.placement.zone_file import ZoneToPlace
 from wzsumo.simulation.connection import sumo_binary
 
@@ -100,7 +103,9 @@ def _try(
     keys |= {"posted_speed_mph": args.speed_mph} if args.speed_mph else {}
     began = time.process_time()
     try:
-        placed = place_zone(net, ZoneToPlace(work_zone=keys), edge_id=edge.id, position=position, side=side)
+        placed = place_zone(
+            net, ZoneToPlace(work_zone=keys), edge_id=edge.id, position=position, side=side, sizes=configuration.vehicle_sizes
+        )
         write_placement(placed, configuration, folder)
     except InputError as error:
         return {"outcome": "refused", "why": str(error), "cpu_place_s": round(time.process_time() - began, 2)}
@@ -110,16 +115,19 @@ def _try(
         "elements_changed_beside": _changed_beside(placed, configuration.net, folder),
     }  # fmt: skip
     if not original:
-        original |= _run(folder / "original", args, None)[0]
-    ran, over = _run(folder / "closed", args, folder)
+        original |= _run(folder / "original", args, None)
+    ran, over = _run(folder / "closed", args, folder), -1
+    if "why" not in ran:
+        sizes = _sizes(configuration)
+        over = len(entered(folder / "closed" / "fcd.xml", folder, sizes=sizes, edges=_edges_around(placed)))
     row |= {"over_devices": over, "teleports_original": original.get("teleports", 0),
             "arrived_original": original.get("arrived", 0)} | ran  # fmt: skip
     works = not over and not row["elements_changed_beside"] and "why" not in ran and ran["teleports"] <= original["teleports"]
     return row | {"outcome": "works" if works else "failed"}
 
 
-def _run(folder: Path, args: argparse.Namespace, placed: Path | None) -> tuple[dict[str, Any], int]:
-    """(what SUMO counted, vehicles over the closed ground); the reason where it stopped."""
+def _run(folder: Path, args: argparse.Namespace, placed: Path | None) -> dict[str, Any]:
+    """What SUMO counted, or the reason where it stopped; around the ground that `placed` closes, where vehicles were."""
     statistics, fcd = folder / "statistics.xml", folder / "fcd.xml"
     end = str(args.begin + args.seconds)
     options = [
@@ -138,18 +146,33 @@ def _run(folder: Path, args: argparse.Namespace, placed: Path | None) -> tuple[d
             "--fcd-output.filter-shapes",
             "watched",
             "--fcd-output.attributes",
-            "x,y,angle,type",
+            "x,y,angle,type,lane",
         ]
     done = subprocess.run([str(sumo_binary("sumo")), *options], capture_output=True, text=True, check=False)
     if done.returncode:
-        return {"why": " ".join(done.stderr.split())[:300], "teleports": -1, "arrived": -1}, -1
+        return {"why": " ".join(done.stderr.split())[:300], "teleports": -1, "arrived": -1}
     root = ET.parse(statistics).getroot()
     teleports, vehicles = root.find("teleports"), root.find("vehicles")
     assert teleports is not None
     assert vehicles is not None
-    counted = {"teleports": int(teleports.get("total", 0)),
-               "arrived": int(vehicles.get("inserted", 0)) - int(vehicles.get("running", 0))}  # fmt: skip
-    return counted, len(entered(fcd, placed)) if placed else 0
+    return {"teleports": int(teleports.get("total", 0)),
+            "arrived": int(vehicles.get("inserted", 0)) - int(vehicles.get("running", 0))}  # fmt: skip
+
+
+def _sizes(configuration: Configuration) -> dict[str, tuple[float, float]]:
+    """(length, width) [m] of what SUMO's heading holds for, by vehicle type."""
+    files = [XmlFile.read(path, role="the demand") for path in configuration.demand]
+    return vehicle_sizes(files) | {id_: (size.first_part, size.width) for id_, size in vehicle_types(files).items()}
+
+
+def _edges_around(placed: Placed) -> set[str]:
+    """Ids of the corridor's edges, their pieces, and all that share a junction with them, those within junctions included."""
+    nodes = {node for link in placed.corridor.links for node in (link.edge.from_node, link.edge.to_node)}
+    around = {edge.id for edge in placed.corridor.net.edges.values() if nodes & {edge.from_node, edge.to_node}}
+    within = {
+        edge.id for edge in placed.corridor.net.edges.values() if edge.is_internal and edge.id[1:].rpartition("_")[0] in nodes
+    }
+    return around | within | {piece.id for piece in placed.closed.pieces}
 
 
 def _changed_beside(placed: Placed, net: Path, folder: Path) -> int:

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Self
 
 from wzsumo.errors import PlacementError
+from wzsumo.placement.demand_files.vehicle_sizes import VehicleSize, sizes_on_roads
 from wzsumo.placement.demand_files.vehicles import seconds_in
 from wzsumo.placement.xml_file import Edits, Element, XmlFile, escaped
 
@@ -105,6 +107,12 @@ class Configuration:
             return self.gui_options.end, f"\n        {option}"
         data = self.file.data if self.file else b""
         return data.rindex(b"</"), f"    <{GUI_SECTION}>\n        {option}\n    </{GUI_SECTION}>\n"
+
+    @cached_property
+    def vehicle_sizes(self) -> frozenset[VehicleSize]:
+        """The sizes of vehicles that drive on the network's carriageways, cars among them."""
+        files = (XmlFile.read(path, role="the demand") for path in self.demand)
+        return sizes_on_roads(file for file in files if b"<vType" in file.data)  # routes alone can be large
 
     @property
     def demand(self) -> tuple[Path, ...]:

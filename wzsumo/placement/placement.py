@@ -9,15 +9,16 @@ from typing import Any
 from wzsumo.errors import PlacementError, SpecError
 from wzsumo.files.layout import write_layout
 from wzsumo.mutcd.layout import lay_out
-from wzsumo.placement.clear_ground import check_clear_ground
 from wzsumo.placement.configuration import CLOSURE, DEFAULT_TYPE, DRAWING, VIEW, Configuration, ConfigurationFolder
 from wzsumo.placement.corridor import Corridor, find_corridor
 from wzsumo.placement.demand_files.edge_rules import EDGE_RULES
 from wzsumo.placement.demand_files.lane_rules import LANE_RULES
 from wzsumo.placement.demand_files.rewriting import Rewriting
 from wzsumo.placement.demand_files.vehicle_rules import VEHICLE_RULES
+from wzsumo.placement.demand_files.vehicle_sizes import CARS, VehicleSize
 from wzsumo.placement.demand_files.vehicles import DEFAULT_TYPE as DEFAULT_VEHICLE_TYPE
 from wzsumo.placement.demand_files.vehicles import Demand
+from wzsumo.placement.ground.clear_ground import with_clear_ground
 from wzsumo.placement.lane_plan import LanePlan, plan_lanes
 from wzsumo.placement.lane_states import ClosedLanes
 from wzsumo.placement.movements import Route, lost_movements, routes_of, vehicles_on
@@ -60,9 +61,18 @@ class Placed:
         return self.plan.corridor
 
 
-def place_zone(net: Net, zone: ZoneToPlace, *, edge_id: str, position: float, side: Side | None = None) -> Placed:
+def place_zone(
+    net: Net,
+    zone: ZoneToPlace,
+    *,
+    edge_id: str,
+    position: float,
+    side: Side | None = None,
+    sizes: frozenset[VehicleSize] = CARS,
+) -> Placed:
     """The zone with its first device at a position [m] of an edge; negative positions count from the edge's end, as in SUMO.
 
+    The ground that it closes keeps clear of vehicles of these `sizes` on the lanes that stay open.
     Raises PlacementError where the zone cannot stand there, SpecError where the manual does not lay it out so.
     """
     check_net(net)
@@ -77,8 +87,8 @@ def place_zone(net: Net, zone: ZoneToPlace, *, edge_id: str, position: float, si
     closed = ClosedLanes(plan=plan)
     check_other_direction(net, closed)
     check_signals(plan)
-    check_clear_ground(plan, closed)
-    return Placed(plan=plan, closed=closed, doubts=tuple(doubts))
+    plan, moved = with_clear_ground(plan, closed, sizes)
+    return Placed(plan=plan, closed=ClosedLanes(plan=plan), doubts=(*doubts, *moved))
 
 
 def write_placement(

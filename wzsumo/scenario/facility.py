@@ -157,7 +157,8 @@ def _placed(section: NetworkSection, work_zone: WorkZone, _stamps: tuple[tuple[P
     place = (section.edge, section.position_m or 0.0) if section.edge else edge_near(net, *section.latlon)
     shoulders = Shoulders(left_shoulder_ft=section.left_shoulder_ft, right_shoulder_ft=section.right_shoulder_ft)
     zone = ZoneToPlace(work_zone=work_zone.model_dump(exclude={"start_ft"}), road=shoulders)
-    placed = place_zone(net, zone, edge_id=place[0], position=place[1], side=section.lane_side)
+    sizes = configuration.vehicle_sizes
+    placed = place_zone(net, zone, edge_id=place[0], position=place[1], side=section.lane_side, sizes=sizes)
     times = zone_times(section.closed_from_s, section.closed_for_s)
     return NetworkCorridor(placed=placed, configuration=configuration, times=times)
 

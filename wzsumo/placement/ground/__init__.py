@@ -1,0 +1,1 @@
+"""The ground that a zone closes, kept clear of the vehicles beside it."""
