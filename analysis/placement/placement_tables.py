@@ -13,7 +13,7 @@ NETWORKS = {
     "ingolstadt21": "Ingolstadt, city (Pi-Star-Lab/RESCO)",
     "cologne8": "Cologne, city (Pi-Star-Lab/RESCO)",
     "bologna": "Bologna, city (DLR-TS/sumo-scenarios)",
-    "kctnky": "highway of many short bent edges (kctnky/sumo-traffic)",
+    "kctnky": "highway of sharp bends (kctnky/sumo-traffic)",
     "hamburg": "Hamburg, city (DLR-TS/sumo-scenarios)",
 }
 

@@ -74,6 +74,6 @@ def _check_vehicles(layout: WorkZoneLayout, swept: list[Swept]) -> None:
             area = float(np.max(shapely.area(shapely.intersection(inner, over))))
             raise PlacementError(
                 f"{part.size.vehicle_class} vehicles, {part.size.length:g} m long, on lane {part.lane.id!r} would swing over "
-                f"{area:.1f} m2 of the ground that the zone closes, with the line of devices drawn back as far as it may be; "
+                f"{area:.2f} m2 of the ground that the zone closes, with the line of devices drawn back as far as it may be; "
                 "move the zone, or mend the lanes' shapes in netedit"
             )
