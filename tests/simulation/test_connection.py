@@ -1,11 +1,13 @@
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from wzsumo.errors import DisplayError
-from wzsumo.simulation.connection import refuse_without_display, window_command
+from wzsumo.errors import DisplayError, SimulationError
+from wzsumo.simulation.connection import _refuse_another, refuse_without_display, window_command
 
 
 def test_window_starts_at_once_and_goes_away_at_the_end() -> None:
@@ -31,3 +33,11 @@ def test_program_is_driven_by_traci_also_after_the_library_was_loaded() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "True True\n"
+
+
+@pytest.mark.parametrize(("answers", "refused"), [("/tmp/a/zone.sumocfg", False), ("/tmp/b/zone.sumocfg", True)])
+def test_simulation_of_others_at_the_same_port_is_not_taken_for_ours(answers: str, refused: bool) -> None:
+    api = SimpleNamespace(simulation=SimpleNamespace(getOption=lambda name: answers))
+    command = ["sumo", "--configuration-file", "/tmp/a/zone.sumocfg", "--remote-port", "40000"]
+    with pytest.raises(SimulationError, match="another simulation, of /tmp/b") if refused else nullcontext():
+        _refuse_another(api, command)

@@ -56,6 +56,7 @@ def connected_program(arguments: Sequence[str], *, folder: Path) -> Iterator[Any
             try:
                 with redirect_stdout(io.StringIO()):  # traci prints each try
                     api = _connect(traci, port, process)
+                _refuse_another(api, command)
                 yield api
                 api.close()
             except traci.FatalTraCIError:
@@ -131,6 +132,13 @@ def _connect(traci: Any, port: int, process: "subprocess.Popen[bytes]") -> Any:
         return traci.connect(port, numRetries=_ANY_NUMBER, proc=process, waitBetweenRetries=_CONNECTING_S)
     except traci.TraCIException as error:
         raise traci.FatalTraCIError(str(error)) from None
+
+
+def _refuse_another(api: Any, command: Sequence[str]) -> None:
+    """Raise SimulationError where another SUMO answers at this port: two that start at once may be given the same."""
+    answers = api.simulation.getOption("configuration-file")
+    if answers not in command:
+        raise SimulationError(f"SUMO's port was taken by another simulation, of {answers}; start this one again")
 
 
 def _load_libsumo() -> Any:
