@@ -35,9 +35,9 @@ def test_program_is_driven_by_traci_also_after_the_library_was_loaded() -> None:
     assert done.stdout == "True True\n"
 
 
-@pytest.mark.parametrize(("answers", "refused"), [("/tmp/a/zone.sumocfg", False), ("/tmp/b/zone.sumocfg", True)])
+@pytest.mark.parametrize(("answers", "refused"), [("a/zone.sumocfg", False), ("b/zone.sumocfg", True)])
 def test_simulation_of_others_at_the_same_port_is_not_taken_for_ours(answers: str, refused: bool) -> None:
-    api = SimpleNamespace(simulation=SimpleNamespace(getOption=lambda name: answers))
-    command = ["sumo", "--configuration-file", "/tmp/a/zone.sumocfg", "--remote-port", "40000"]
-    with pytest.raises(SimulationError, match="another simulation, of /tmp/b") if refused else nullcontext():
+    api = SimpleNamespace(simulation=SimpleNamespace(getOption={"configuration-file": answers}.get))
+    command = ["sumo", "--configuration-file", "a/zone.sumocfg", "--remote-port", "40000"]
+    with pytest.raises(SimulationError, match="another simulation, of b/zone") if refused else nullcontext():
         _refuse_another(api, command)
