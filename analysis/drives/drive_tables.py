@@ -42,6 +42,8 @@ def paper_case() -> str:
         lines.append(f"| {title} | {' | '.join(_mean_with_interval(part[name]) for part in parts)} |")
     reached = [f"**{(part['outcome'] == 'REACHED_GOAL').sum()} of {len(part)}**" for part in parts]
     lines.append(f"| **ego reached its goal in traffic** | {' | '.join(reached)} |")
+    clean = [f"{part['clean'].sum()} of {len(part)}" for part in parts]
+    lines.append(f"| drives that were clean | {' | '.join(clean)} |")
     hurt = ("COLLIDED", "STRUCK_DEVICE", "ENTERED_CLOSED_AREA")
     struck = [f"{part['outcome'].isin(hurt).sum()} of {len(part)}" for part in parts]
     lines.append(f"| overlapped a vehicle, struck a device, entered the closed area | {' | '.join(struck)} |")

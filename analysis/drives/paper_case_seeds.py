@@ -33,7 +33,7 @@ def main() -> None:
     for seed in range(args.first, args.first + args.seeds):
         result = run_case(load_scenario(SCENARIO, seed=seed), args.out / f"seed_{seed}", methods=args.methods)
         for method, figures in result["methods"].items():
-            row = {name: figures[name] for name in (*FIGURES, "outcome", "reason")}
+            row = {name: figures[name] for name in (*FIGURES, "outcome", "reason", "clean", "faults")}
             rows.append({"seed": seed, "method": method, "in_closed_area": result["fleet"]["n_in_closed_area"]} | row)
             print(rows[-1], file=sys.stderr)
     table = pd.DataFrame(rows)
