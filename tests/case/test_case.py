@@ -164,3 +164,12 @@ def test_traces_of_a_fleet_count_after_the_warm_up_at_its_own_step(events: list[
     run(METHODS["hd_map"])
     assert events
     assert asked == {"dt": 0.25, "warm_up_s": scenario().simulation.demand.warm_up_s}
+
+
+def test_doubts_of_a_map_are_warnings_of_the_case(events: list[Any]) -> None:
+    """Two vehicles used, of a road of three lanes: at least one lane that nobody drove."""
+    result = run(METHODS["lanes"], METHODS["hd_map"])
+    doubts = result.methods["lanes"].made.figures["warnings"]
+    assert doubts
+    assert [word for word in result.warnings if word.startswith("lanes: ")] == [f"lanes: {word}" for word in doubts]
+    assert not [word for word in result.warnings if word.startswith("hd_map")]

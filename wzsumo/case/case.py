@@ -30,7 +30,7 @@ class CaseResult:
     methods: dict[str, MethodResult]
     to_open_lane: dict[str, Plan]  # the plans to the goal in the open lane
     seconds: dict[str, float]  # wall-clock time of each step
-    warnings: list[str]  # what the case could not have, and took instead
+    warnings: list[str]  # what the case could not have, and took instead; what a map is in doubt of, with its method
 
 
 def run_case(scenario: Scenario, *, methods: Sequence[MapMethod], sumo_folder: Path, watch: Watch) -> CaseResult:
@@ -47,6 +47,7 @@ def run_case(scenario: Scenario, *, methods: Sequence[MapMethod], sumo_folder: P
         result = evaluate(method, sources, scenario=scenario, site=site, watch=watch)
         open_plan, goals = plan_to_open_lane(method, result, scenario=scenario, site=site)
         results[method.name] = replace(result, figures=result.figures | {"goals": goals})
+        warnings = [*warnings, *(f"{method.name}: {word}" for word in result.made.figures.get("warnings", ()))]
         if open_plan is not None:
             to_open_lane[method.name] = open_plan
     scanned = any(method.source is Source.LIDAR for method in methods)
