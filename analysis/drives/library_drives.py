@@ -69,9 +69,15 @@ def main() -> None:
     args = parser.parse_args()
     if not args.table:
         for rows in missing_drives(args):
-            rows.to_csv(args.out / "rows.csv", mode="a", header=not (args.out / "rows.csv").exists(), index=False)
+            append_rows(args.out / "rows.csv", rows)
             print(rows[["scenario", "seed", "speed", "method", "outcome"]].to_string(header=False), file=sys.stderr)
     print_tables(pd.read_csv(args.out / "rows.csv", dtype={"speed": str}))
+
+
+def append_rows(path: Path, rows: pd.DataFrame) -> None:
+    """Add rows to a table; those of drives that did not begin have fewer columns than the others."""
+    there = [pd.read_csv(path, dtype={"speed": str})] if path.exists() else []
+    write_whole(path, pd.concat([*there, rows], ignore_index=True).to_csv(index=False).encode())
 
 
 def missing_drives(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
