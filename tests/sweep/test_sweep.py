@@ -236,7 +236,7 @@ def test_results_of_an_older_method_are_not_taken_for_new_ones(tmp_path: Path, m
 def test_folder_in_use_is_refused(tmp_path: Path) -> None:
     class Nested(AtOnce):
         def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
-            with pytest.raises(OutputError, match="another sweep is writing there"):
+            with pytest.raises(OutputError, match="another command is writing there"):
                 sweep(a_study(), tmp_path)
             return super().start(function, *args, limit_s=limit_s)
 

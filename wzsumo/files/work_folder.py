@@ -36,17 +36,25 @@ def only_writer(folder: Path) -> Iterator[None]:
     """Hold a folder's lock in the block. Raises OutputError where another process of `wzsumo` holds it."""
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the system releases it however this process ends
-        except BlockingIOError:
-            raise OutputError(
-                f"--out {folder}: another command is writing there; wait for its end or name another folder"
-            ) from None
-        except OSError:
-            pass  # a file system without locks
+        take_lock(lock, folder)
         yield
     finally:
         os.close(lock)
+
+
+def take_lock(lock: int, folder: Path) -> None:
+    """Lock an open file or folder, until it is closed, for the writing into `folder`.
+
+    The system releases it however this process ends. Raises OutputError where another process holds it.
+    """
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise OutputError(
+            f"--out {folder}: another command is writing there; wait for its end or name another folder"
+        ) from None
+    except OSError:
+        pass  # a file system without locks
 
 
 def remove_leftovers(parent: Path) -> None:

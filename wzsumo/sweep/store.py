@@ -9,7 +9,6 @@ Every file is written completely or not at all. HASH is the hash of its bytes: a
 renamed, and what it held is computed again.
 """
 
-import fcntl
 import hashlib
 import io
 import json
@@ -24,7 +23,7 @@ import pyarrow.parquet as pq
 
 from wzsumo.errors import OutputError, reading
 from wzsumo.files.output import parquet_bytes, refuse_links, write_whole
-from wzsumo.files.work_folder import remove_leftovers
+from wzsumo.files.work_folder import remove_leftovers, take_lock
 from wzsumo.sweep.results import BATCH_SCHEMA
 from wzsumo.sweep.study_file import Study, study_of
 
@@ -104,12 +103,7 @@ def open_store(folder: Path, study: Study, *, tell: Callable[[str], None], cache
     except OSError as error:
         raise OutputError(f"--out {folder}: cannot be written to ({error.strerror}); name a folder you may write to") from None
     with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the system releases it however this process ends
-        except BlockingIOError:
-            raise OutputError(
-                f"--out {folder}: another sweep is writing there; wait for its end or name another folder"
-            ) from None
+        take_lock(lock.fileno(), folder)
         for place in (folder, *(folder / name for name in FOLDERS)):
             remove_leftovers(place)
         manifest = {"format": FORMAT, "name": study.spec.name, **study.content}

@@ -3,8 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from kinds import KINDS
 
 from wzsumo.announced_zone import AnnouncedZone
+from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.road import RoadSpec
@@ -33,14 +35,12 @@ def road() -> MapBefore:
     return MapBefore(road=known, announced=AnnouncedZone(start_m=500.0, end_m=1500.0, start_sd_m=60.0, end_sd_m=60.0))
 
 
-@pytest.mark.parametrize("lane", [0, 1])
-def test_traffic_in_one_lane_that_all_move_aside_is_in_this_lane_of_the_road(lane: int) -> None:
-    """A road drawn 4 m off, which is a shift that fits begin at, explains it too, and is the less likely."""
-    made = map_lanes(moved(lane * LANE_M + (0.34 if lane else -0.34)), before=road())
+@pytest.mark.parametrize("seed", [102, 104, 106])
+def test_traffic_in_one_lane_that_crosses_over_is_in_this_lane_of_the_road(seed: int) -> None:
+    """Of few traces none may drive in the lane that closes. A road drawn a lane off explains them too, and is less likely."""
+    case = KINDS["crossover"].case(n=10, seed=seed, receivers="0.5")
+    made = map_lanes(usable_traces(case.traces, source="traces").traces, before=case.before())
     assert abs(made.figures["common_shift_m"]) < 1.0
-    driven = [one.n_traces for one in made.lanes.lanes]
-    assert driven[lane] == 10
-    assert driven[1 - lane] == 0
 
 
 def test_lane_that_the_other_explanation_has_not_is_in_doubt_and_warnings_say_so() -> None:

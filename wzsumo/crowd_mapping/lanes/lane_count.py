@@ -23,7 +23,7 @@ SCOUT_ROUNDS = 3
 LOG_PRIOR_PER_LANE = -5.0  # with ODD_SHARE: a lane must be worth two good witnesses. Chosen by us
 ODD_SHARE = 0.002  # of traces that say nothing of the number of lanes: so none says more than 6 nats. Chosen by us
 FITTED = 2  # numbers of lanes, the likeliest after rough fits, that are fitted in full
-RIVAL = 20.0  # nats behind the likeliest on some traces, from which on no more lanes are tried
+RIVAL = 20.0  # nats behind the likeliest, from which on no more lanes are tried, nor this number fitted in full
 
 
 def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> tuple[LaneFit, FloatArray]:
