@@ -72,6 +72,7 @@ class EgoRun:
     replans: tuple[Replan, ...]
     outcome: Outcome
     reason: str  # one sentence, empty where the goal was reached
+    waited_s: float = 0.0  # until there was room for it on the road
 
     @property
     def poses(self) -> FloatArray:

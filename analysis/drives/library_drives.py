@@ -28,7 +28,7 @@ PAPER_SPEED_MPS = 10.0
 KEPT_FIGURES = (
     "outcome", "reason", "clean", "faults", "plan_status", "plan_speed_mps", "precision", "recall", "iou", "plan_ms",
     "n_expansions",
-    "path_length_m", "drive_time_s", "max_cross_track_m", "case_cpu_s",
+    "path_length_m", "waited_s", "drive_time_s", "max_cross_track_m", "case_cpu_s",
 )  # fmt: skip
 # Outcomes that a column of the printed tables counts.
 COUNTED_OUTCOMES = {

@@ -23,7 +23,9 @@ from wzsumo.scenario.sections import ControlSection
 from wzsumo.scenario.site import Site, prepare_site
 from wzsumo.simulation.demand import DemandSpec
 from wzsumo.simulation.files import SimulationSpec, SumoFiles, write_sumo_files
+from wzsumo.simulation.fleet import simulate_fleet
 from wzsumo.simulation.session import LaneBody, Session
+from wzsumo.traffic import Traffic
 from wzsumo.vehicle import VehicleGeometry
 
 CAR = VehicleGeometry()
@@ -65,11 +67,13 @@ def new_map(grid: OccupancyGrid, site: Site) -> NewMap:
     )
 
 
-def drive(site: Site, files: SumoFiles, *, new_maps: list[NewMap], doubtful_speed_mps: float = np.inf) -> EgoRun:
+def drive(
+    site: Site, files: SumoFiles, *, new_maps: list[NewMap], doubtful_speed_mps: float = np.inf, time_limit_s: float = 200.0
+) -> EgoRun:
     path = plan_on(map_of_before(site), site, site.start).path
     assert path is not None
     control = ControlSection(target_speed_mps=SPEED)
-    how = Drive(vehicle=CAR, control=control, plant=PlantSpec(steering_lag_s=0.2), depart_s=40.0, time_limit_s=200.0,
+    how = Drive(vehicle=CAR, control=control, plant=PlantSpec(steering_lag_s=0.2), depart_s=40.0, time_limit_s=time_limit_s,
                 doubtful_speed_mps=doubtful_speed_mps)  # fmt: skip
     return drive_path(path, layout=site.layout, files=files, drive=how, on_step=lambda _: None, new_maps=new_maps)
 
@@ -108,8 +112,43 @@ def test_ego_that_is_told_nothing_of_the_closed_lane_runs_into_its_devices(watch
     assert watched.run.replans == ()
 
 
-def test_drivers_are_shown_the_ego_as_wide_as_it_is_with_its_clearance_at_every_step(watched: Watched) -> None:
-    assert len(watched.bodies) == len(watched.run.log)
+def test_traffic_that_the_ego_comes_into_is_that_of_the_fleets_own_run(watched: Watched, site: Site, files: SumoFiles) -> None:
+    first = watched.run.followers["time_s"].min()
+    met = watched.run.followers[watched.run.followers["time_s"] == first].set_index("vehicle_id")
+    fleet = simulate_fleet(files, on_second=lambda _: None)
+    then = fleet[np.isclose(fleet["time_s"], first - 0.1)].set_index("vehicle_id")  # SUMO logs a step by the time of its begin
+    assert len(met) >= 5
+    assert set(met.index) == set(then.index)
+    assert np.hypot(met["x_m"] - then["x_m"], met["y_m"] - then["y_m"]).max() < 0.002  # the log is rounded to a millimetre
+
+
+@pytest.mark.parametrize(("ahead_m", "stands_until_s", "waits_s"), [(25.0, 46.0, 6.0), (200.0, 46.0, 0.0), (25.0, 90.0, 12.0)])
+def test_ego_waits_to_enter_while_it_would_have_to_brake_hard_for_one_ahead_and_its_time_to_drive_counts_from_the_entry(
+    site: Site, files: SumoFiles, monkeypatch: pytest.MonkeyPatch, ahead_m: float, stands_until_s: float, waits_s: float
+) -> None:
+    own = Session.traffic
+
+    def with_one_that_stands(session: Session) -> Traffic:
+        if session.time >= stands_until_s:
+            return own(session)
+        return Traffic(
+            ids=("stands",), poses=np.array([[site.start[0] + ahead_m, site.start[1], 0.0]]), speeds=np.zeros(1),
+            accelerations=np.zeros(1), lengths=np.array([4.8]), widths=np.array([1.85]),
+        )  # fmt: skip
+
+    monkeypatch.setattr(Session, "traffic", with_one_that_stands)
+    run = drive(site, files, new_maps=[], time_limit_s=12.0)
+    assert run.outcome is Outcome.TIMED_OUT
+    assert run.waited_s == pytest.approx(waits_s, abs=0.3)
+    if stands_until_s > 40.0 + 12.0:
+        assert run.log.empty
+        assert run.reason == "no gap to enter the road within 12 s"
+    else:
+        assert run.log["time_s"].iloc[[0, -1]].tolist() == pytest.approx([40.0 + waits_s, 52.0 + waits_s], abs=0.4)
+
+
+def test_drivers_are_shown_the_ego_as_wide_as_it_is_with_its_clearance_at_every_step_of_theirs(watched: Watched) -> None:
+    assert len(watched.bodies) == pytest.approx(len(watched.run.log) / 2, abs=1)
     for (body,) in watched.bodies[:100]:  # in the middle of its lane
         assert body.width == pytest.approx(1.86 + 2 * 0.3, abs=0.01)
 

@@ -67,6 +67,7 @@ def assess(
         "plan_speed_mps": plan.speed_mps,
         "plan_risk_m": plan.risk_m,
         "n_expansions": plan.n_expansions,
+        "waited_s": run.waited_s if run else None,
         "drive_time_s": float(moved.log["time_s"].iloc[-1] - moved.log["time_s"].iloc[0]) if moved else None,
         "max_cross_track_m": float(moved.log["cross_track_m"].abs().max()) if moved else None,
         "drive": _drive_figures(moved, over_zone, scenario=scenario, site=site) if moved else None,

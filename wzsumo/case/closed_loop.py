@@ -2,12 +2,12 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from wzsumo.behaviour.speed_plan import SpeedPlanner
+from wzsumo.behaviour.speed_plan import SpeedPlanner, plan_accelerations
 from wzsumo.case.replanning import NewMap, PathFollower
 from wzsumo.control.controller import Controller
 from wzsumo.control.plant import PlantSpec, advance_ego
@@ -20,18 +20,18 @@ from wzsumo.scenario.sections import ControlSection
 from wzsumo.simulation.edges import edge_at
 from wzsumo.simulation.ego_bodies import bodies_in_lanes
 from wzsumo.simulation.files import SumoFiles
+from wzsumo.simulation.gridlock import CHECK_S
 from wzsumo.simulation.session import Session, running
 from wzsumo.tables import EGO_LOG_COLUMNS
 from wzsumo.traffic import Traffic, traffic_trace
 from wzsumo.vehicle import VehicleGeometry
 from wzsumo.work_zone import WorkZoneLayout
 
-STEP_S = 0.05  # of the control: 20 commands a second, each followed by moveToXY
+STEP_S = 0.05  # of the control: 20 commands a second
 TRAFFIC_LOG_REACH_M = 100.0  # vehicles within this of the ego are logged: 4 s at 25 m/s
 FOLLOWERS_LOG_PERIOD_S = 1.0  # of the log of all vehicles, which shows what the ego costs those behind it
 NOT_AHEAD_M = 10.0  # a vehicle, even a truck, is beside or behind the ego if its centre is less than this before the rear axle
 STANDS_MPS = 0.1  # slower, the ego stands
-INSERTION_WAIT_S = 120.0  # how long SUMO may look for a gap that a driver would enter; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Drive:
     control: ControlSection
     plant: PlantSpec
     depart_s: float  # simulated time at which the ego asks to enter
-    time_limit_s: float  # from then on
+    time_limit_s: float  # of the wait for room on the road, and again of the drive from the entry on
     doubtful_speed_mps: float = np.inf  # at places at which its map may be wrong
     in_window: bool = False  # whether it is shown in sumo-gui
 
@@ -58,19 +58,25 @@ def drive_path(
 ) -> EgoRun:
     """The run of the ego along `path` in the traffic of `files`. `on_step` is told the station [m] on the path each step.
 
-    The other drivers act as often as they do without the ego. `new_maps` reach the ego in their order. One on which no path
+    Until the ego enters, the traffic is that of the fleet's own run. SUMO keeps its step: between its steps it would drive
+    the others otherwise than without the ego, as with more frequent steps than actions (SUMO 1.28: a truck that stood across
+    a line at the end of a taper stayed there for good). `new_maps` reach the ego in their order. One on which no path
     leads on makes it stop ahead of ground that is not free there, which ends the run.
     """
     checker, record = ContactChecker(layout, drive.vehicle), _RunRecord()
     around = files.surroundings.around if files.surroundings else ()
-    options = _options(files)
+    step_s, options = _traffic_step_s(files), _options(files)
     with running(files.config, options=options, in_window=drive.in_window, begin=files.begin, edges=around) as session:
-        state = _enter(session, path, layout=layout, files=files, drive=drive)
-        if state is None:
-            return record.ended(Outcome.TIMED_OUT, f"no gap to enter the road within {INSERTION_WAIT_S:g} s")
         follower = PathFollower(
             path, layout=layout, vehicle=drive.vehicle, control=drive.control, doubtful_speed_mps=drive.doubtful_speed_mps
         )
+        while session.time < drive.depart_s:
+            _step(session)
+        asked, state = session.time, _start(path, drive)
+        has_entered = _enter(session, state, follower, layout=layout, files=files, drive=drive)
+        record.waited_s = session.time - asked
+        if not has_entered:
+            return record.ended(Outcome.TIMED_OUT, f"no gap to enter the road within {drive.time_limit_s:g} s")
         entered, maps_to_come, traffic = session.time, deque(new_maps), session.traffic()
         planner, highest = SpeedPlanner(drive.control.others), np.inf
         while True:
@@ -86,19 +92,22 @@ def drive_path(
             if on_clock(session.time):
                 record.look_around(session.time, state, traffic)
                 session.allow_emergency_braking(_not_ahead(state, traffic))
-                session.resolve_gridlock()
                 may_enter = session.may_enter_shared_lane()
                 if drive.control.minds_others:
                     highest = planner.ceiling(follower.outlook(state), traffic, layout=layout, may_enter=may_enter, dt=CLOCK_S)
-            command = follower.controller.command(state, dt=STEP_S, ceiling=min(highest, follower.ceiling(state)))
-            record.steps.append(_log_row(session.time, state, command, follower.controller))
-            state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
-            bodies = bodies_in_lanes(state, drive.vehicle, traffic, road=layout.road, edges=files.edges)
+            began, elapsed, ended = session.time, 0.0, None
+            while elapsed < step_s - STEP_S / 2:
+                command = follower.controller.command(state, dt=STEP_S, ceiling=min(highest, follower.ceiling(state)))
+                record.steps.append(_log_row(began + elapsed, state, command, follower.controller))
+                state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
+                elapsed += STEP_S
+                ended = ended or checker.contact_now(state, _moved_on(traffic, elapsed))
+            bodies = bodies_in_lanes(state, drive.vehicle, _moved_on(traffic, step_s), road=layout.road, edges=files.edges)
             session.place_ego(bodies, speed=state.speed)
-            session.step()
+            _step(session)
             on_step(follower.controller.station_m)
             traffic = session.traffic()
-            ended = checker.contact_now(state, traffic) or _ending(follower.controller, session.time, drive)
+            ended = checker.contact_now(state, traffic) or ended or _ending(follower.controller, session.time - entered, drive)
             if ended:
                 return record.ended(*ended)
 
@@ -109,6 +118,7 @@ class _RunRecord:
     def __init__(self) -> None:
         self.steps: list[tuple[float, ...]] = []
         self.replans: list[Replan] = []
+        self.waited_s = 0.0
         self._near: list[tuple[float, Traffic]] = []
         self._all: list[tuple[float, Traffic]] = []
 
@@ -123,40 +133,85 @@ class _RunRecord:
         return EgoRun(
             log=pd.DataFrame(self.steps, columns=list(EGO_LOG_COLUMNS)),
             traffic=traffic_trace(self._near), followers=traffic_trace(self._all),
-            replans=tuple(self.replans), outcome=outcome, reason=reason,
+            replans=tuple(self.replans), outcome=outcome, reason=reason, waited_s=self.waited_s,
         )  # fmt: skip
 
 
+def _traffic_step_s(files: SumoFiles) -> float:
+    """SUMO's step [s]: that of the fleet's own run, but not beyond CLOCK_S; a finer one than that is the control's."""
+    return CLOCK_S if files.step_length >= CLOCK_S else STEP_S
+
+
 def _options(files: SumoFiles) -> tuple[str, ...]:
-    """SUMO's options for the ego's finer steps, in which the other drivers act as often as without it.
+    """SUMO's options for the ego's drive, in which the other drivers act as often as without it.
 
     SUMO warns of hard braking, which is measured here: no warnings.
     """
-    action_s = max(files.step_length, STEP_S)
+    step_s = _traffic_step_s(files)
     # Files that detectors of a network write are those of the ego's drive, and get a name of their own.
-    prefix = ("--output-prefix", "ego.")
-    return ("--step-length", f"{STEP_S:g}", "--default.action-step-length", f"{action_s:g}", "--no-warnings", *prefix)
+    options = ("--step-length", f"{step_s:g}", "--no-warnings", "--output-prefix", "ego.")
+    if files.step_length == step_s:
+        return options
+    return (*options, "--default.action-step-length", f"{max(files.step_length, step_s):g}")
 
 
-def _enter(session: Session, path: ReferencePath, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive) -> EgoState | None:
-    """State of the ego at the start of its path once SUMO has found it a gap; None where it finds none in INSERTION_WAIT_S."""
-    while session.time < drive.depart_s:
-        session.step()
-    x, y, heading = path.poses[0]
-    bumper = advance(path.poses[0], drive.vehicle.axle_to_bumper_m)
+def _step(session: Session) -> None:
+    """Advance SUMO by a step; vehicles that wait for each other are let go as often as in the fleet's own run."""
+    session.step()
+    checks = session.time / CHECK_S
+    if abs(checks - round(checks)) < 1e-6:
+        session.resolve_gridlock()
+
+
+def _moved_on(traffic: Traffic, duration_s: float) -> Traffic:
+    """The traffic after a part of a step in which all keep speed and heading."""
+    x, y, heading = traffic.poses.T
+    driven = traffic.speeds * duration_s
+    return replace(traffic, poses=np.column_stack([x + driven * np.cos(heading), y + driven * np.sin(heading), heading]))
+
+
+def _start(path: ReferencePath, drive: Drive) -> EgoState:
+    x, y, heading = map(float, path.poses[0])
+    return EgoState(x=x, y=y, heading=heading, speed=drive.control.target_speed_mps)
+
+
+def _enter(
+    session: Session, start: EgoState, follower: PathFollower, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive
+) -> bool:
+    """Let the ego enter at its start; whether it could within the time limit.
+
+    It asks to be let in at a moment from which it need not brake harder than is comfortable for those ahead. SUMO then looks
+    for a gap in its lane that those behind can put up with.
+    """
+    bumper = advance(start.pose, drive.vehicle.axle_to_bumper_m)
     (station,), (offset,) = layout.road.to_sd(bumper[:2])
     edge = edge_at(files.edges, station)
-    lane = edge.lane_at(station, offset)
-    speed = drive.control.target_speed_mps
     ahead = [e.id for e in files.edges if e.start >= edge.start]
-    session.request_ego(drive.vehicle, edges=ahead, lane=lane, position=station - edge.start, speed=speed)
-    requested = session.time
+    asked, requested = session.time, False
     while not session.has_ego():
-        if session.time - requested > INSERTION_WAIT_S:
-            return None
-        session.step()
+        if session.time - asked > drive.time_limit_s:
+            return False
+        if not requested and not _would_brake_hard(session, start, follower, layout=layout, drive=drive):
+            lane, position = edge.lane_at(station, offset), station - edge.start
+            session.request_ego(drive.vehicle, edges=ahead, lane=lane, position=position, speed=start.speed)
+            requested = True
+        _step(session)
     session.take_over_ego()
-    return EgoState(x=float(x), y=float(y), heading=float(heading), speed=speed)
+    return True
+
+
+def _would_brake_hard(
+    session: Session, start: EgoState, follower: PathFollower, *, layout: WorkZoneLayout, drive: Drive
+) -> bool:
+    """Whether an ego that were now at its start would brake harder than is comfortable within the time that it plans."""
+    spec = drive.control.others
+    if not drive.control.minds_others:
+        return False
+    may_enter = session.may_enter_shared_lane()
+    planned = plan_accelerations(
+        follower.outlook(start), session.traffic(), layout=layout, may_enter=may_enter, acceleration=0.0, spec=spec
+    )
+    return planned is not None and float(planned.min()) < -spec.comfortable_deceleration_mps2
 
 
 def _not_ahead(state: EgoState, traffic: Traffic) -> tuple[str, ...]:
@@ -174,10 +229,10 @@ def _log_row(time: float, state: EgoState, command: Command, controller: Control
     )  # fmt: skip
 
 
-def _ending(controller: Controller, time: float, drive: Drive) -> tuple[Outcome, str] | None:
+def _ending(controller: Controller, driven_s: float, drive: Drive) -> tuple[Outcome, str] | None:
     """How the run ends now, and why; None where it goes on."""
     if controller.reached_end:
         return Outcome.REACHED_GOAL, ""
-    if time > drive.depart_s + drive.time_limit_s:
+    if driven_s > drive.time_limit_s:
         return Outcome.TIMED_OUT, f"the goal was not reached within {drive.time_limit_s:g} s"
     return None

@@ -23,7 +23,7 @@ from wzsumo.planning.plan import Plan, PlanStatus
 from wzsumo.scenario.scenario import Pose, Scenario
 from wzsumo.scenario.site import Site, site_with_open_goal
 
-DRIVE_LIMIT_S = 400.0  # from when the ego asks to enter the road; a drive that takes longer has TIMED_OUT; chosen by us
+DRIVE_LIMIT_S = 400.0  # of the wait for room on the road, and of the drive; what takes longer has TIMED_OUT; chosen by us
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

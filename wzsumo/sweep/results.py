@@ -110,6 +110,7 @@ MEASURED_COLUMNS = {
         "m/s", "speed for which the path's curvature is planned: the planned speed, or a lower one where there is no other path"
     ),
     "n_replans": _count("maps that reached the ego while it drove; it planned again on each"),
+    "waited_s": _number("s", "time that the ego waited for room on the road"),
     "drive_time_s": _number("s", "time from entering the road to the end of the drive"),
     "max_cross_track_m": _number("m", "largest distance between the driven and the planned path"),
     "path_length_m": _number("m", "length of the planned path"),
