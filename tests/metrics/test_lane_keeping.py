@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from builders import interior_layout, paper_layout, two_lane_road
+from builders import by_turns_layout, interior_layout, paper_layout, two_lane_road
 
 from wzsumo.frames import FloatArray
 from wzsumo.metrics.lane_keeping import measure_lane_keeping
@@ -50,6 +50,24 @@ def test_share_over_a_line_is_of_the_length_in_the_zone() -> None:
     offsets = np.where(s < quarter, RIGHT + 1.83, RIGHT)  # over the line, also before the zone, then in the lane
     poses = np.column_stack([s, offsets, np.zeros(n)])
     assert measure_lane_keeping(poses, vehicle=CAR, layout=LAYOUT).over_line_share == pytest.approx(0.25, abs=0.01)
+
+
+@pytest.mark.parametrize("aside_m", [-0.4, 0.0, 1e-9, 0.4])
+def test_lane_that_both_directions_share_is_no_other_lane(aside_m: float) -> None:
+    layout = by_turns_layout()
+    own = next(lane for lane in layout.lanes if not lane.opposing)
+    turns = layout.taking_turns
+    assert turns is not None
+    s = np.linspace(layout.start - 100, layout.end + 100, 4000)
+    returns_late = np.where(s > (turns.start + turns.end) / 2, s - 12.0, s)
+    middle = (own.right(returns_late) + own.left(returns_late)) / 2
+    poses = np.column_stack([s, middle + np.where((s > turns.start) & (s < turns.end), aside_m, 0.0), np.zeros(len(s))])
+    kept = measure_lane_keeping(poses, vehicle=CAR, layout=layout)
+    assert (kept.n_lane_changes, kept.n_needed_changes) == (0, 0)
+    into_the_other = measure_lane_keeping(
+        np.column_stack([s, np.where(s < turns.start - 50, 5.5, middle), np.zeros(len(s))]), vehicle=CAR, layout=layout
+    )
+    assert into_the_other.n_lane_changes == 1
 
 
 def test_weaving_has_the_standard_deviation_of_a_sine() -> None:

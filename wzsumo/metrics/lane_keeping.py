@@ -37,7 +37,7 @@ def measure_lane_keeping(poses: FloatArray, *, vehicle: VehicleGeometry, layout:
     length = (np.append(steps, 0.0) + np.append(0.0, steps)) / 2
     in_zone = (station >= layout.start) & (station <= layout.end)
     over = over_a_line(s, d, layout=layout, min_width_m=vehicle.width_m)
-    lane, off_middle = _nearest_lanes(station, offset, layout.lanes, min_width_m=vehicle.width_m)
+    lane, off_middle = _nearest_lanes(station, offset, layout, min_width_m=vehicle.width_m)
     weight = np.where(in_zone, length, 0.0)
     within = np.where(over, 0.0, weight)
     known = float(within.sum()) > 0
@@ -70,12 +70,22 @@ def _drivable(lane: OpenLane, station: FloatArray, min_width_m: float) -> BoolAr
 
 
 def _nearest_lanes(
-    station: FloatArray, offset: FloatArray, lanes: tuple[OpenLane, ...], *, min_width_m: float
+    station: FloatArray, offset: FloatArray, layout: WorkZoneLayout, *, min_width_m: float
 ) -> tuple[npt.NDArray[np.intp], FloatArray]:
-    """The lanes (n,), by their place in `lanes`, whose middles are nearest, and the offsets (n,) [m] to the left of these."""
+    """The lanes (n,), by their place in the layout, with the nearest middles, and the offsets (n,) [m] to the left of these.
+
+    Between the stop lines of a lane that both directions share, the lane is the ego's: that of the other direction, on the
+    same ground, is none to change to.
+    """
+    turns = layout.taking_turns
+    shared = (station >= turns.start) & (station <= turns.end) if turns else np.zeros(len(station), dtype=bool)
     off = np.array([
-        np.where(_drivable(lane, station, min_width_m), offset - (lane.right(station) + lane.left(station)) / 2, np.inf)
-        for lane in lanes
+        np.where(
+            _drivable(lane, station, min_width_m) & ~(shared & lane.opposing),
+            offset - (lane.right(station) + lane.left(station)) / 2,
+            np.inf,
+        )
+        for lane in layout.lanes
     ])  # fmt: skip
     nearest = np.argmin(np.abs(off), axis=0)
     off_middle = off[nearest, np.arange(len(station))]
