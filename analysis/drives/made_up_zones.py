@@ -82,13 +82,13 @@ def made_up_zone(seed: int) -> tuple[dict[str, Any], str, int | None]:
     rng = random.Random(seed)
     mph = rng.choice(tuple(LEAST_RADIUS_FT))
     freeway = mph >= FREEWAY_MPH
-    by_turns = mph <= 50 and rng.random() < 0.2
+    by_turns = mph <= 50 and rng.random() < 0.15
     lanes = 1 if by_turns else rng.randint(2, 4 if freeway else 3)
     closed, zone = ([0], {}) if by_turns else _closure(lanes, rng)
     n_open = 1 if by_turns else lanes - len(closed)
     demand: dict[str, Any] = {
         "flow_vph": rng.randint(150, 250) if by_turns else round(rng.uniform(0.5, 0.9) * VPH_A_LANE * n_open, -1),
-        "truck_share": round(rng.uniform(0.0, 0.15), 2), "duration_s": 1800 if by_turns else 900,
+        "truck_share": round(rng.uniform(0.0, 0.15), 2), "duration_s": 1200 if by_turns else 600,
     }  # fmt: skip
     if by_turns:
         demand["opposing_flow_vph"] = rng.randint(100, 200)
