@@ -66,16 +66,14 @@ def drive_path(
     checker, record = ContactChecker(layout, drive.vehicle), _RunRecord()
     around = files.surroundings.around if files.surroundings else ()
     step_s, options = _traffic_step_s(files), _options(files)
+    n_commands = round(step_s / STEP_S)
     with running(files.config, options=options, in_window=drive.in_window, begin=files.begin, edges=around) as session:
         follower = PathFollower(
             path, layout=layout, vehicle=drive.vehicle, control=drive.control, doubtful_speed_mps=drive.doubtful_speed_mps
         )
-        while session.time < drive.depart_s:
-            _step(session)
-        asked, state = session.time, _start(path, drive)
-        has_entered = _enter(session, state, follower, layout=layout, files=files, drive=drive)
-        record.waited_s = session.time - asked
-        if not has_entered:
+        state = _start(path, drive)
+        record.waited_s = _enter(session, state, follower, layout=layout, files=files, drive=drive)
+        if not session.has_ego():
             return record.ended(Outcome.TIMED_OUT, f"no gap to enter the road within {drive.time_limit_s:g} s")
         entered, maps_to_come, traffic = session.time, deque(new_maps), session.traffic()
         planner, highest = SpeedPlanner(drive.control.others), np.inf
@@ -95,19 +93,20 @@ def drive_path(
                 may_enter = session.may_enter_shared_lane()
                 if drive.control.minds_others:
                     highest = planner.ceiling(follower.outlook(state), traffic, layout=layout, may_enter=may_enter, dt=CLOCK_S)
-            began, elapsed, ended = session.time, 0.0, None
-            while elapsed < step_s - STEP_S / 2:
+            touched = None
+            for number in range(n_commands):
+                if number:
+                    touched = touched or checker.contact_now(state, _moved_on(traffic, number * STEP_S))
                 command = follower.controller.command(state, dt=STEP_S, ceiling=min(highest, follower.ceiling(state)))
-                record.steps.append(_log_row(began + elapsed, state, command, follower.controller))
+                record.steps.append(_log_row(session.time + number * STEP_S, state, command, follower.controller))
                 state = advance_ego(state, command, dt=STEP_S, vehicle=drive.vehicle, spec=drive.plant)
-                elapsed += STEP_S
-                ended = ended or checker.contact_now(state, _moved_on(traffic, elapsed))
             bodies = bodies_in_lanes(state, drive.vehicle, _moved_on(traffic, step_s), road=layout.road, edges=files.edges)
             session.place_ego(bodies, speed=state.speed)
             _step(session)
             on_step(follower.controller.station_m)
             traffic = session.traffic()
-            ended = checker.contact_now(state, traffic) or ended or _ending(follower.controller, session.time - entered, drive)
+            touched = touched or checker.contact_now(state, traffic)
+            ended = touched or _ending(follower.controller, session.time - entered, drive)
             if ended:
                 return record.ended(*ended)
 
@@ -177,8 +176,8 @@ def _start(path: ReferencePath, drive: Drive) -> EgoState:
 
 def _enter(
     session: Session, start: EgoState, follower: PathFollower, *, layout: WorkZoneLayout, files: SumoFiles, drive: Drive
-) -> bool:
-    """Let the ego enter at its start; whether it could within the time limit.
+) -> float:
+    """Let the ego enter at its start when the time has come; how long [s] it waited for room, and in vain after its time limit.
 
     It asks to be let in at a moment from which it need not brake harder than is comfortable for those ahead. SUMO then looks
     for a gap in its lane that those behind can put up with.
@@ -187,17 +186,18 @@ def _enter(
     (station,), (offset,) = layout.road.to_sd(bumper[:2])
     edge = edge_at(files.edges, station)
     ahead = [e.id for e in files.edges if e.start >= edge.start]
+    while session.time < drive.depart_s:
+        _step(session)
     asked, requested = session.time, False
-    while not session.has_ego():
-        if session.time - asked > drive.time_limit_s:
-            return False
+    while not session.has_ego() and session.time - asked <= drive.time_limit_s:
         if not requested and not _would_brake_hard(session, start, follower, layout=layout, drive=drive):
             lane, position = edge.lane_at(station, offset), station - edge.start
             session.request_ego(drive.vehicle, edges=ahead, lane=lane, position=position, speed=start.speed)
             requested = True
         _step(session)
-    session.take_over_ego()
-    return True
+    if session.has_ego():
+        session.take_over_ego()
+    return session.time - asked
 
 
 def _would_brake_hard(
