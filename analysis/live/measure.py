@@ -54,7 +54,8 @@ def changes(error: float, interval_s: float) -> dict[str, Change]:
     for move in (100.0, 300.0):
         found[f"start_{move:g}_earlier"] = to(*start, closed_from=world.closed_from - move)
         found[f"end_{move:g}_later"] = to(*end, closed_to=world.closed_to + move)
-    found["end_100_earlier"] = to(*end, Kind.LANE_OPEN, closed_to=world.closed_to - 100)
+        found[f"end_{move:g}_earlier"] = to(*end, Kind.LANE_OPEN, closed_to=world.closed_to - move)
+        found[f"start_{move:g}_later"] = to(*start, Kind.LANE_OPEN, closed_from=world.closed_from + move)
     for share in (0.2, 0.5):
         found[f"open_again_{100 * share:.0f}"] = to(Kind.LANE_OPEN, take_up=share)
     for size in (0.5, 1.0):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from live.streams_of_traces import merges_at, reading, two_lane_map
 from scipy.stats import norm
 
-from wzsumo.live.charts.evidence import bounded
+from wzsumo.live.charts.evidence import bounded, likeness
 from wzsumo.live.charts.findings import Family
 from wzsumo.live.charts.shape_charts import _pair
 from wzsumo.live.charts.thresholds import calibrated_thresholds
@@ -19,13 +19,13 @@ from wzsumo.live.trace.shape import _filter, steps_of
 
 @given(st.floats(-500, 500))
 def test_one_trace_says_at_most_log_of_shares(ratio: float) -> None:
-    assert np.log(0.05 / 0.98) - 1e-9 <= bounded(ratio) <= np.log(0.95 / 0.02) + 1e-9
+    assert np.log(0.05 / 0.98) - 1e-9 <= bounded(ratio, 0.02) <= np.log(0.95 / 0.02) + 1e-9
 
 
 @pytest.mark.parametrize("mean", [0.5, 1.0, 2.0])
 def test_bounded_evidence_of_a_normal_sample_falls_in_the_mean_without_a_change(mean: float) -> None:
     x, width = np.linspace(-8, 8, 4001), 16 / 4000
-    says = np.array([bounded(mean * value - mean**2 / 2) for value in x])
+    says = np.array([bounded(mean * value - mean**2 / 2, 0.02) for value in x])
     assert np.sum(says * norm.pdf(x)) * width < 0 < np.sum(says * norm.pdf(x - mean)) * width
 
 
@@ -95,6 +95,13 @@ def test_an_error_by_a_lane_towards_closed_ground_says_nothing_of_receivers(
     assert levels == pytest.approx(levels[::-1])
     grid = 0.6 * np.arange(-11, 12)
     assert weight == 0 or levels @ np.abs(grid) / levels.sum() == pytest.approx(abs(off_m), abs=0.01)
+
+
+def test_a_vehicle_does_as_the_one_before_with_a_chance_of_a_half_that_fades_with_the_gap() -> None:
+    assert likeness(0.0) == pytest.approx(0.5)
+    assert likeness(5.0) == pytest.approx(0.5 / np.e)
+    assert likeness(60.0) < 1e-5
+    assert likeness(float("nan")) == 0.0
 
 
 def test_first_receivers_err_by_one_and_a_half_metres() -> None:

@@ -60,6 +60,36 @@ def test_lanes_that_moved_are_named_with_size_and_place(settled: LiveMap, by_m: 
     assert np.abs(drawn[(stations < 640) | (stations > 1260)] - 1.8).max() < 0.05
 
 
+def leaving(live: LiveMap, first: int, *, apart_s: float, driver: Driver) -> tuple[LiveMap, list[Alarm]]:
+    """After six traces that come `apart_s` after each other, and drive as `driver` says."""
+    alarms = []
+    for number in range(first, first + 6):
+        start_s = 40.0 * first + apart_s * (number - first)
+        step = with_trace(live, reading(live.ground, number, lane=driver(number), start_s=start_s))
+        live = step.live
+        alarms += [step.alarm] if step.alarm else []
+    return live, alarms
+
+
+def test_a_platoon_that_steps_aside_as_a_whole_is_no_change_but_as_many_vehicles_apart_are_one(settled: LiveMap) -> None:
+    def aside(number: int) -> Callable[[FloatArray], FloatArray]:
+        return moved(number, by_m=1.2, start=700, end=1200)
+
+    _, together = leaving(settled, 120, apart_s=1.5, driver=aside)
+    assert together == []
+    _, apart = leaving(settled, 120, apart_s=40.0, driver=aside)
+    assert apart[0].change.kind is Kind.SHIFTED
+
+
+def test_a_platoon_that_leaves_its_lane_says_less_for_a_closed_lane_than_vehicles_apart() -> None:
+    live, _ = driven(live_map(two_lane_map(closed=False)), range(100), keeps_lane)
+    evidence = []
+    for apart_s in (1.5, 40.0):
+        after, _ = leaving(live, 100, apart_s=apart_s, driver=lambda n: merges_at(2 * n, by_m=800.0))
+        evidence.append(float(after.lanes.closing[:, 1].max()))
+    assert evidence[0] < 0.6 * evidence[1]
+
+
 def test_a_lane_that_is_closed_is_named_and_drawn_closed() -> None:
     live, alarms = driven(live_map(two_lane_map(closed=False)), range(100), keeps_lane)
     assert alarms == []

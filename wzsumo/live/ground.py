@@ -13,6 +13,7 @@ from wzsumo.lane_map import LaneMap, MappedBranch
 CELL_M = 25.0  # a lane change takes 60 m and more; a vehicle that reports each second leaves a fix in every cell
 MAX_CELLS = 400  # on longer roads cells are longer
 MAX_LANES = 8
+GATE_M = 100.0  # behind where a branch is clear of the lanes, over which it is seen who takes it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +76,7 @@ def branch_gate(branch: MappedBranch, lanes: LaneMap) -> tuple[float, float, int
     """(station [m] where the branch is beside the lanes, its offset there [m] from lane 0's middle, side); None if it never is.
 
     The side is -1 to the right and 1 to the left. The gate is where the branch is two lanes' widths beyond the middle of the
-    outer lane, or farthest from it.
+    outer lane, or farthest from it; the offset is the median over the GATE_M behind.
     """
     s, d = lanes.axis.to_sd(branch.line)
     right = np.interp(s, lanes.stations, lanes.lanes[0].middle)
@@ -85,7 +86,8 @@ def branch_gate(branch: MappedBranch, lanes: LaneMap) -> tuple[float, float, int
     if beyond.max() < width:
         return None
     at = int(np.argmax(beyond >= min(2 * width, float(beyond.max()))))
-    return float(s[at]), float(d[at] - right[at]), -1 if right[at] > d[at] else 1
+    behind = (s >= s[at]) & (s <= s[at] + GATE_M)
+    return float(s[at]), float(np.median((d - right)[behind])), -1 if right[at] > d[at] else 1
 
 
 @numba.njit(cache=True, nogil=True)

@@ -12,12 +12,13 @@ from wzsumo.frames import FloatArray
 from wzsumo.lane_map import LaneMap
 from wzsumo.live.ageing import HALF_LIFE_S, Witnesses, aged_lanes, first_witnesses, with_witness
 from wzsumo.live.alarms import Alarm, Change, Kind
+from wzsumo.live.charts.evidence import likeness
 from wzsumo.live.charts.findings import Family, Finding, loudest
 from wzsumo.live.charts.lane_charts import LaneCharts, add_use, first_lane_charts
 from wzsumo.live.charts.passing_charts import PassingCharts, add_passage, first_passing_charts
 from wzsumo.live.charts.restart import restarted_lanes, restarted_passing, restarted_shape
 from wzsumo.live.charts.shape_charts import ShapeCharts, add_steps, first_shape_charts, without_evidence
-from wzsumo.live.charts.thresholds import calibrated_thresholds
+from wzsumo.live.charts.thresholds import LEAST_NATS, calibrated_thresholds
 from wzsumo.live.ground import Ground, ground_of
 from wzsumo.live.redraw import LATEST_STARTS, change_point, confirmed, shift_of, with_lane_change, with_shift
 from wzsumo.live.trace.decoding import draw_ways, error_levels, error_of, first_receivers, with_errors
@@ -112,7 +113,10 @@ def over_threshold(live: LiveMap) -> list[Finding]:
     """The findings that are beyond their thresholds, the farthest first."""
     thresholds, error = calibrated_thresholds(), live.error_m
     found = findings(live)
-    beyond = {family: finding.evidence - thresholds.at(family, error) for family, finding in found.items()}
+    beyond = {  # no threshold is below LEAST_NATS
+        family: finding.evidence - thresholds.at(family, error)
+        for family, finding in found.items() if finding.evidence > LEAST_NATS
+    }  # fmt: skip
     return [found[family] for family in sorted(beyond, key=lambda family: -beyond[family]) if beyond[family] > 0]
 
 
@@ -133,6 +137,7 @@ def with_evidence(live: LiveMap, reading: Reading) -> LiveMap:
     errors = error_levels(reading.offset, reading.seen, ways.places, ways.weights, ground.width, ground.closed.any(axis=1))
     in_lane = lane_shares(ways.places, ways.weights, ground.n_lanes)
     rate = max(RATE, 1 / (number + 4))
+    alike = likeness(max(reading.end_s - live.passing.last_s, 0.0))
     pace = reading.seconds_per_m
     usual = pace if np.isnan(live.usual_s_per_m) else live.usual_s_per_m
     change = float(np.clip(steps.walk, -3 * live.usual_walk, 5 * live.usual_walk)) - live.usual_walk
@@ -143,9 +148,15 @@ def with_evidence(live: LiveMap, reading: Reading) -> LiveMap:
     return replace(
         live,
         number=number,
-        shape=add_steps(live.shape, steps, number=number),
+        shape=add_steps(live.shape, steps, alike=alike, number=number),
         lanes=add_use(
-            live.lanes, use_of_lanes(ground, ways), ground, kind=reading.kind, slow=pace > SLOW_FACTOR * usual, number=number
+            live.lanes,
+            use_of_lanes(ground, ways),
+            ground,
+            kind=reading.kind,
+            slow=pace > SLOW_FACTOR * usual,
+            alike=alike,
+            number=number,
         ),
         passing=add_passage(live.passing, reading, ground, number=number),
         witnesses=with_witness(live.witnesses, in_lane, reading.end_s),

@@ -76,13 +76,18 @@ def first_lane_charts(ground: Ground) -> LaneCharts:
     )  # fmt: skip
 
 
-def add_use(charts: LaneCharts, use: LaneUse, ground: Ground, *, kind: int, slow: bool, number: int) -> LaneCharts:
-    """The charts after trace `number`, of a `kind` of vehicle; a slow one says nothing about closed ground."""
+def add_use(
+    charts: LaneCharts, use: LaneUse, ground: Ground, *, kind: int, slow: bool, alike: float, number: int
+) -> LaneCharts:
+    """The charts after trace `number`, of a `kind` of vehicle; a slow one says nothing about closed ground.
+
+    The trace leaves a lane because the one before did with a chance of `alike`.
+    """
     new = LaneCharts(**{name: value.copy() for name, value in vars(charts).items()})
     for reach, prior in enumerate(_leaving_priors(ground)):
         _add_closing(
             use.left[reach], use.stayed[reach], use.came[reach], ground.closed, prior, kind, new.closing[reach],
-            new.closing_since[reach], new.leaving[reach], new.leaving_pending[reach], number,
+            new.closing_since[reach], new.leaving[reach], new.leaving_pending[reach], alike, number,
         )  # fmt: skip
     moves = np.round(np.array(MOVES_M) / ground.spacing).astype(np.int64)
     priors = _place_priors(windows_of(ground))
@@ -135,7 +140,7 @@ def _place_priors(windows: Windows) -> FloatArray:
 def _add_closing(
     left: FloatArray, stayed: FloatArray, came: FloatArray, closed: npt.NDArray[np.bool_], prior: FloatArray, kind: int,
     evidence: FloatArray,
-    since: Counts, habit: FloatArray, pending: FloatArray, number: int,
+    since: Counts, habit: FloatArray, pending: FloatArray, alike: float, number: int,
 ) -> None:  # fmt: skip
     """One reach ahead of a cell."""
     n_lanes, m = evidence.shape
@@ -150,6 +155,7 @@ def _add_closing(
             b = habit[kind, k, t, 1] + LEAVING_PRIOR[0] * (1 - prior[k, t])
             share = a / (a + b)
             share = min(max(share + np.sqrt(share * (1 - share) / (a + b + 1)), LEAST_LEAVING), 0.99)
+            share += (0.99 - share) * alike
             ratio = left[k, t] * (1 - ODD_IN_CLOSED) / share + stayed[k, t] * ODD_IN_CLOSED / (1 - share)
             ratio += 0.2 * came[k, t] + 1 - users - came[k, t]
             value = evidence[k, t] + np.log(ratio)

@@ -1,13 +1,15 @@
 """Charts of passing: traces that end on the road, exits that nobody takes any more, and silence."""
 
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
 from wzsumo.frames import FloatArray
-from wzsumo.live.ground import Ground
+from wzsumo.live.ground import GATE_M, Ground
 from wzsumo.live.trace.reading import Reading
 
 END_REACH_M = 200.0  # ahead of a closed road, over which traces end
@@ -16,7 +18,6 @@ LEAST_ENDING = 0.05  # share below which no habit is trusted: trips end, devices
 ENDING_SHOWN, PASSING_ODD = 0.95, 0.05  # of traces on a closed road that end there; that seem to go on
 EXIT_PRIOR = (0.5, 4.5)
 EXIT_DRIFT = 0.9  # an exit's share may sink to this part of what it was, from day to day
-GATE_CELLS = 4  # behind where a branch is clear of the lanes, whose median tells who takes it
 STILL_EXITS = 0.05  # share of the former exits that seem to be taken although the exit is closed
 RATE_TRACES = 40.0  # over which the time between traces is averaged
 MOST_GAPS = 8.0  # usual times between traces, as which a longer one counts
@@ -103,8 +104,8 @@ def _with_end(
     where = reading.offset[reading.last]  # off the lanes: it took an exit, and says nothing of the road behind
     if not -ground.width < where < ground.n_lanes * ground.width:
         informs &= ~over
-    share, _ = _share(charts.ending + ENDING_PRIOR, sds=1.0)
-    share = np.maximum(share, LEAST_ENDING)
+    share, sd = _share(charts.ending + ENDING_PRIOR)
+    share = np.clip(share + sd, LEAST_ENDING, 0.95)
     says = np.where(over, np.log(ENDING_SHOWN / share), np.log(PASSING_ODD / (1 - share)))
     return _grown(charts.ended, charts.ended_since, charts.ending, charts.ending_pending, says, over, informs, number)
 
@@ -119,24 +120,24 @@ def _with_exits(
             continue
         station, offset, side = gate
         cell = int(np.clip((station - ground.cells[0]) / ground.spacing + 0.5, 0, len(ground.cells) - 1))
-        behind = slice(cell, cell + GATE_CELLS)
+        behind = slice(cell, cell + max(1, round(GATE_M / ground.spacing)))
         if reading.first > cell - 2 or not reading.found[behind].any():
             continue
         outer = 0.0 if side < 0 else ground.width * (ground.n_lanes - 1)
         informs[index] = True
-        takes[index] = side * (np.median(reading.offset[behind][reading.found[behind]]) - (offset + outer) / 2) > 0
-    share, sd = _share(charts.exiting + EXIT_PRIOR, sds=0.0)
-    share = np.maximum(share - sd, 0.0) * EXIT_DRIFT
+        takes[index] = side * (median(reading.offset[behind][reading.found[behind]].tolist()) - (offset + outer) / 2) > 0
+    # The chance that the next vehicle takes it, as Bayes gives it after all that came, those that did not take it among them:
+    # that it is known by counting alone is in it.
+    share = EXIT_DRIFT * _share(charts.exiting + charts.exiting_pending + EXIT_PRIOR)[0]
     says = np.where(takes, np.log(STILL_EXITS), np.log((1 - STILL_EXITS * share) / (1 - share)))
     return _grown(charts.missed, charts.missed_since, charts.exiting, charts.exiting_pending, says, takes, informs, number)
 
 
-def _share(counts: FloatArray, *, sds: float) -> tuple[FloatArray, FloatArray]:
-    """(share, its standard deviation) of the first of two counts (..., 2), the share raised by `sds` of them."""
+def _share(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(share, its standard deviation) of the first of two counts (..., 2)."""
     total = counts.sum(axis=-1)
     share = counts[..., 0] / total
-    sd = np.sqrt(share * (1 - share) / (total + 1))
-    return np.minimum(share + sds * sd, 0.95), sd
+    return share, np.sqrt(share * (1 - share) / (total + 1))
 
 
 def _grown(
@@ -144,11 +145,24 @@ def _grown(
     happened: npt.NDArray[np.bool_], informs: npt.NDArray[np.bool_], number: int,
 ) -> tuple[FloatArray, Counts, FloatArray, FloatArray]:  # fmt: skip
     """(evidence, since, habit, pending) after a trace that says something where `informs`."""
-    value = np.maximum(evidence + np.where(informs, says, 0.0), 0.0)
-    since = np.where(value == 0, number, since).astype(np.int32)
-    new = np.stack([happened & informs, ~happened & informs], axis=-1).astype(float)
-    pending = pending + new
-    calm = (value < LEARNED_BELOW)[..., None]
-    habit, pending = np.where(calm, habit + pending, habit), np.where(calm, 0.0, pending)
-    total = habit.sum(axis=-1, keepdims=True)
-    return value, since, np.where(total > MOST_TRACES, habit * MOST_TRACES / np.maximum(total, 1.0), habit), pending
+    new = evidence.copy(), since.copy(), habit.copy(), pending.copy()
+    _grow(*new, says, happened, informs, number)
+    return new
+
+
+@numba.njit(cache=True, nogil=True)
+def _grow(
+    evidence: FloatArray, since: Counts, habit: FloatArray, pending: FloatArray, says: FloatArray,
+    happened: npt.NDArray[np.bool_], informs: npt.NDArray[np.bool_], number: int,
+) -> None:  # fmt: skip
+    for i in range(len(evidence)):
+        if informs[i]:
+            evidence[i] = max(evidence[i] + says[i], 0.0)
+            pending[i, 0 if happened[i] else 1] += 1.0
+        if evidence[i] == 0.0:
+            since[i] = number
+        if evidence[i] < LEARNED_BELOW:
+            habit[i] += pending[i]
+            pending[i] = 0.0
+        if habit[i].sum() > MOST_TRACES:
+            habit[i] *= MOST_TRACES / habit[i].sum()

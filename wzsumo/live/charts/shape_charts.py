@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wzsumo.frames import FloatArray, IntArray
-from wzsumo.live.charts.evidence import bounded
+from wzsumo.live.charts.evidence import ODD_SHARE, bounded
 from wzsumo.live.ground import Ground
 from wzsumo.live.trace.shape import EDGE_GAPS, N_SHAPES, Steps
 
@@ -56,11 +56,12 @@ def first_shape_charts(ground: Ground) -> ShapeCharts:
     )  # fmt: skip
 
 
-def add_steps(charts: ShapeCharts, steps: Steps, *, number: int) -> ShapeCharts:
-    """The charts after trace `number`."""
+def add_steps(charts: ShapeCharts, steps: Steps, *, alike: float, number: int) -> ShapeCharts:
+    """The charts after trace `number`, which does as the one before did with a chance of `alike`."""
     evidence, since, known = charts.evidence.copy(), charts.since.copy(), charts.known.copy()
     pending, squares = charts.pending.copy(), charts.squares.copy()
-    _add(steps.estimate, steps.variance, steps.lane, np.array(SIZES_M), evidence, since, known, pending, squares, number)
+    _add(steps.estimate, steps.variance, steps.lane, np.array(SIZES_M), evidence, since, known, pending, squares,
+         ODD_SHARE + (1 - ODD_SHARE) * alike, number)  # fmt: skip
     usual = charts.usual_scatter + SCATTER_RATE * (min(steps.scatter, 4.0) - charts.usual_scatter)
     return ShapeCharts(evidence=evidence, since=since, known=known, pending=pending, squares=squares, usual_scatter=usual)
 
@@ -68,7 +69,7 @@ def add_steps(charts: ShapeCharts, steps: Steps, *, number: int) -> ShapeCharts:
 @numba.njit(cache=True, nogil=True)
 def _add(  # noqa: C901 - one pass over places and sizes
     estimate: FloatArray, variance: FloatArray, lane: IntArray, sizes: FloatArray, evidence: FloatArray, since: Counts,
-    known: FloatArray, pending: FloatArray, squares: FloatArray, number: int,
+    known: FloatArray, pending: FloatArray, squares: FloatArray, odd: float, number: int,
 ) -> None:  # fmt: skip
     n_charts, n_shapes, n_sizes, m = evidence.shape
     for shape in range(n_shapes):
@@ -93,7 +94,7 @@ def _add(  # noqa: C901 - one pass over places and sizes
                     else:
                         ratio = ((a - none) * apart - 0.5 * (a * a - none * none)) / var
                         if value > 0 or ratio > 0:
-                            value = value + bounded(ratio)
+                            value = value + bounded(ratio, odd)
                     if value <= 0 or number - since[chart, shape, i, t] > FORGOTTEN_AFTER:
                         value = 0.0
                         since[chart, shape, i, t] = number
