@@ -1,9 +1,11 @@
 """Plans on a map of the zone.
 
 A path follows the route in lanes (see `planning.lane_route`): the nominal lanes before and after the announced zone, in between
-the lanes that the map knows. Where that is not free, or the map knows no lanes, a path is searched for.
+the lanes that the map knows. Where no path along it is free, it follows the route that leads over free ground alone, in other
+lanes. Where none is free along that either, or the map knows no lanes, a path is searched for.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from shapely import LineString
 from wzsumo.case.map_method import MadeMap, MapMethod
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import OccupancyGrid
-from wzsumo.planning.lane_route import OFFSET_STEP_M, STATION_STEP_M, LaneLine, route_offsets
+from wzsumo.planning.lane_route import BARRED_COST, BLOCKED_COST, OFFSET_STEP_M, STATION_STEP_M, LaneLine, route_offsets
 from wzsumo.planning.plan import Plan, plan_on_route, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.road import Road
@@ -32,9 +34,9 @@ def plan_for(method: MapMethod, made: MadeMap, *, scenario: Scenario, site: Site
     """
     spec = within_lane(method.planner(scenario.planner), made, scenario=scenario, site=site)
     given: dict[str, Any] = {"start": site.start, "goal": site.goal, "vehicle": scenario.vehicle, "spec": spec}
-    route, lanes = lanes_to_goal(made, scenario=scenario, site=site)
-    plan = plan_on_route(made.grid, route=route, **given) if route is not None else None
-    return plan or plan_path(made.grid, guide=lanes, **given)
+    routes, lanes = lanes_to_goal(made, scenario=scenario, site=site)
+    along = (plan_on_route(made.grid, route=route, **given) for route in routes)
+    return next((plan for plan in along if plan), None) or plan_path(made.grid, guide=lanes, **given)
 
 
 def within_lane(planner: PlannerSpec, made: MadeMap, *, scenario: Scenario, site: Site) -> PlannerSpec:
@@ -45,25 +47,30 @@ def within_lane(planner: PlannerSpec, made: MadeMap, *, scenario: Scenario, site
     return planner.model_copy(update={"preferred_clearance_m": min(planner.preferred_clearance_m, beside)})
 
 
-def lanes_to_goal(made: MadeMap, *, scenario: Scenario, site: Site) -> tuple[FloatArray | None, FloatArray]:
-    """The route (n, 2) [m] in lanes from start to goal, None where the map knows none, and lines (n, 2, 2) along all lanes."""
+def lanes_to_goal(made: MadeMap, *, scenario: Scenario, site: Site) -> tuple[tuple[FloatArray, ...], FloatArray]:
+    """The routes (n, 2) [m] in lanes from start to goal, the best first, and lines (n, 2, 2) along all lanes.
+
+    There is no route where the map knows no lanes.
+    """
     road, layout = site.layout.road, site.layout
     mapped = made.mapped or (layout.start, layout.end)
     nominal = nominal_lanes(road, beside=mapped)
     in_zone = [part for line in made.lines if (part := line.between(*mapped)) is not None]
     all_lanes = np.concatenate([_chords(line.stations, line.offsets, road) for line in (*nominal, *in_zone)])
     if not in_zone:
-        return None, all_lanes
+        return (), all_lanes
     (first, last), ends = road.to_sd([site.start[:2], site.goal[:2]])
     stations = np.linspace(first, last, max(2, int(np.ceil((last - first) / STATION_STEP_M)) + 1))
     offsets = np.arange(-road.right_shoulder, road.left_edge, OFFSET_STEP_M)
-    route = route_offsets(
-        stations, (*nominal, *in_zone), ends=(float(ends[0]), float(ends[1])), offsets=offsets,
+    find = partial(
+        route_offsets, stations, (*nominal, *in_zone), ends=(float(ends[0]), float(ends[1])), offsets=offsets,
         # A slower ego changes lanes along with the others, whose speed the zone's tapers are made for.
         speed_mps=max(scenario.planner.planned_speed_mps, mps_from_mph(scenario.work_zone.posted_speed_mph)),
         blocked=_blocked(made.grid, stations, offsets, road=road, half_width_m=scenario.vehicle.width_m / 2),
     )  # fmt: skip
-    return road.to_xy(stations, route), all_lanes
+    best, around = (find(blocked_cost=cost) for cost in (BLOCKED_COST, BARRED_COST))
+    routes = (best,) if np.array_equal(best, around) else (best, around)
+    return tuple(road.to_xy(stations, route) for route in routes), all_lanes
 
 
 def nominal_lanes(road: Road, *, beside: tuple[float, float]) -> list[LaneLine]:

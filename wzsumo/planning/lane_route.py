@@ -22,7 +22,8 @@ LANE_WIDTH_M = 3.66  # 12 ft, AASHTO Green Book
 LANE_CHANGE_S = 4.6  # Toledo & Zohar 2007: mean duration of lane changes
 MAX_SLOPE = 0.3  # sideways against along; a lane change at 10 m/s has a mean slope of 0.08
 MIN_SHARE_OF_LARGEST = 0.05  # of the bumps at a station; where there is less, no lane is
-BLOCKED_COST = 20.0  # of a metre that the map has not free: dearer than any change of lanes around it
+# Of a metre that the map has not free. BLOCKED: a path may be pushed past a few of them. BARRED: dearer than any way around.
+BLOCKED_COST, BARRED_COST = 20.0, 1e4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +56,7 @@ def route_offsets(
     offsets: FloatArray,
     speed_mps: float,
     blocked: BoolArray,
+    blocked_cost: float = BLOCKED_COST,
 ) -> FloatArray:
     """Offsets (n,) [m] of the route at evenly spaced stations (n,) [m], between the offsets `ends` of start and goal.
 
@@ -64,7 +66,7 @@ def route_offsets(
     step = float(stations[1] - stations[0])
     at_stations = np.array([line.at(stations) for line in lines])
     weights = np.array([line.weight for line in lines])
-    cost = step * (lane_cost(offsets, at_stations, weights=weights) + BLOCKED_COST * blocked)
+    cost = step * (lane_cost(offsets, at_stations, weights=weights) + blocked_cost * blocked)
     course = _course(at_stations, weights=weights)
     moves = np.arange(-int(MAX_SLOPE * step / OFFSET_STEP_M), int(MAX_SLOPE * step / OFFSET_STEP_M) + 1)
     before = np.arange(len(offsets))[:, None] - moves
