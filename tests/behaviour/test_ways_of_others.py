@@ -72,6 +72,14 @@ def test_driver_in_a_lane_that_ends_drifts_on_and_one_in_another_lane_does_not()
     assert len(ways(outlook(y=MIDDLE, speed=16.0), from_the_right).enters) == 0
 
 
+@pytest.mark.parametrize(("sideways", "found"), [(0.15, 0), (0.18, 1)])
+def test_driver_who_drifts_out_of_an_ending_lane_is_taken_to_do_so_for_three_seconds(sideways: float, found: int) -> None:
+    # 1.0 m between the sides, of which 0.5 m must be left: 0.167 m/s for 3 s. The ego is there after 5 s.
+    side = MIDDLE + 0.93 + 0.925 + 1.0
+    drifting = one_vehicle(80.0, side, speed=15.0, heading=-float(np.arcsin(sideways / 15)))
+    assert len(ways(outlook(y=MIDDLE, speed=16.0), drifting).enters) == found
+
+
 def test_driver_who_changes_lanes_goes_on_to_the_middle_and_one_who_does_not_keeps_its_place() -> None:
     # 1.2 m to the right of its lane's middle: with 1.0 m/s it is there after 1.2 s.
     side, speed = MIDDLE - 1.2, 16.0
