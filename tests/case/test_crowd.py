@@ -62,6 +62,19 @@ def test_ground_that_one_vehicle_drove_over_is_not_known_to_be_free(cells: Occup
     assert witnessed_ground(cells, pd.concat([alone, alone.assign(vehicle_id="b")]), reach_m=REACH_M).any()
 
 
+def test_vehicle_that_waits_witnesses_no_more_ground_than_one_that_drives_by(cells: OccupancyGrid) -> None:
+    # Two minutes at a stop line: 1,200 fixes that scatter by 0.1 m.
+    driven = straight_traces([MIDDLE, MIDDLE], length_m=1100.0).sort_values(["vehicle_id", "x_m"], ignore_index=True)
+    driven["time_s"] = driven["x_m"] / 10.0
+    rng, waiting = np.random.default_rng(1), []
+    for name in driven["vehicle_id"].unique():
+        x, y = 600.0 + rng.normal(0, 0.1, 1200), MIDDLE + rng.normal(0, 0.1, 1200)
+        waiting.append(pd.DataFrame({"vehicle_id": name, "time_s": 60.0 + np.arange(1200) * 1e-6, "x_m": x, "y_m": y}))
+    waited = pd.concat([driven, *waiting], ignore_index=True)
+    ground, more = (witnessed_ground(cells, traces, reach_m=0.5) for traces in (driven, waited))
+    assert (ground != more).sum() <= 2 * round(0.5 / cells.resolution)  # of the one fix that is kept, 0.5 m of the way
+
+
 def test_reach_of_a_witness_shrinks_by_two_standard_deviations_of_the_position_to_nothing() -> None:
     assert witness_reach_m(PAPER) == pytest.approx(1.18)  # half of 1.86 m, and the 0.25 m by which drivers scatter
     assert witness_reach_m(with_error(0.3)) == pytest.approx(1.18 - 2 * 0.3)

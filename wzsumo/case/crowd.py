@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from math import dist
 from typing import Any, Literal
 
 import numpy as np
@@ -28,6 +29,9 @@ TRACE_MARGIN_M = 50.0  # traces reach this far beyond the zone, so that what is 
 MIN_WITNESSES = 2  # vehicles; one alone may have been out of its lane
 POSITION_ERROR_SDS = 2.0  # standard deviations that a reported position may be off; 95 % of normal errors are smaller
 MAX_TRACE_ERROR_M = 0.01  # by which a simplified trace may leave the reported one
+# A fix nearer than this to the one before says nothing new of the ground. The fixes of a vehicle that waits are a knot as wide
+# as its receiver's noise, and the ground around the thousands of a long wait takes minutes to find. Chosen by us.
+MIN_FIX_SPACING_M = 0.5
 
 
 def traces_over_zone(fleet: pd.DataFrame, layout: WorkZoneLayout) -> pd.DataFrame:
@@ -172,6 +176,18 @@ def witnessed_ground(cells: OccupancyGrid, traces: pd.DataFrame, *, reach_m: flo
     count = np.zeros(cells.shape, dtype=np.int16)
     if reach_m > 0:
         for _, trace in traces.groupby("vehicle_id"):
-            line = LineString(trace.sort_values("time_s")[["x_m", "y_m"]].to_numpy()).simplify(MAX_TRACE_ERROR_M)
-            count += cells_inside(cells, line.buffer(reach_m, cap_style="flat"))
+            driven = _without_knots(trace.sort_values("time_s")[["x_m", "y_m"]].to_numpy())
+            if len(driven) > 1:
+                line = LineString(driven).simplify(MAX_TRACE_ERROR_M)
+                count += cells_inside(cells, line.buffer(reach_m, cap_style="flat"))
     return count >= MIN_WITNESSES
+
+
+def _without_knots(places: FloatArray) -> FloatArray:
+    """Those of the places (n, 2) [m] that are MIN_FIX_SPACING_M from the last one that is kept, and the first."""
+    first, *others = places.tolist()
+    kept = [first]
+    for place in others:
+        if dist(place, kept[-1]) >= MIN_FIX_SPACING_M:
+            kept.append(place)
+    return np.array(kept)
