@@ -131,7 +131,8 @@ def made_up_zones() -> str:
     n, n_clean, ended = len(rows), int(rows["clean"].astype(bool).sum()), rows["outcome"].value_counts()
     others = ", ".join(f"{count} {outcome}" for outcome, count in ended.items() if outcome != "REACHED_GOAL")
     reached = f"{ended['REACHED_GOAL']} reached their goal" + (f" ({others})" if others else "")
-    return f"of {n} drives, each in a zone of its own,\n{reached} and {n_clean} were clean (above {share_above(n_clean, n):.0%} with 95 %)"
+    bound = f"{share_above(n_clean, n):.0%}"
+    return f"of {n} drives, each in a zone of its own,\n{reached} and {n_clean} were clean (above {bound} with 95 %)"
 
 
 def library_by_method(first: str, last: str) -> str:
