@@ -37,7 +37,7 @@ FIRST_SEEMING_FACTOR = 50.0
 
 def interval_evidence(
     in_lane: FloatArray,
-    seen: BoolArray,
+    reached: BoolArray,
     *,
     visibility: FloatArray,
     seeming: FloatArray,
@@ -54,7 +54,7 @@ def interval_evidence(
     to = in_lane if left_to is None else left_to
     return np.asarray(
         _interval_evidence(
-            in_lane, seen, visibility, seeming, spacing, changes_per_m, MERGE_LENGTH_M, np.log(FIRST_SEEMING_FACTOR),
+            in_lane, reached, visibility, seeming, spacing, changes_per_m, MERGE_LENGTH_M, np.log(FIRST_SEEMING_FACTOR),
             to, left_to is None,
         )
     )  # fmt: skip
@@ -62,7 +62,7 @@ def interval_evidence(
 
 @numba.njit(cache=True, nogil=True)
 def _interval_evidence(  # noqa: C901 - sums over traces for each pair of stations, with its arrays at hand
-    in_lane: FloatArray, seen: BoolArray, visibility: FloatArray, seeming: FloatArray, spacing: float, rate: float,
+    in_lane: FloatArray, reached: BoolArray, visibility: FloatArray, seeming: FloatArray, spacing: float, rate: float,
     merge_length: float, first_user: float, left_to: FloatArray, counts: bool,
 ) -> FloatArray:  # fmt: skip
     """See `interval_evidence`."""
@@ -71,9 +71,9 @@ def _interval_evidence(  # noqa: C901 - sums over traces for each pair of statio
     beside, entries = np.zeros(m + 1), np.zeros(m + 1)  # cumulated
     for t in range(m):
         for i in range(n):
-            if seen[i, t]:
+            if reached[i, t]:
                 beside[t + 1] += visibility[i] * (1 - in_lane[i, t]) * spacing
-                if t > 0 and seen[i, t - 1]:
+                if t > 0 and reached[i, t - 1]:
                     entries[t + 1] += visibility[i] * max(in_lane[i, t] - in_lane[i, t - 1], 0.0)
         beside[t + 1] += beside[t]
         entries[t + 1] += entries[t]
@@ -84,7 +84,7 @@ def _interval_evidence(  # noqa: C901 - sums over traces for each pair of statio
     left, entered = np.zeros((n, m)), np.zeros((n, m))  # within `merge_length` ahead of a station, and after it
     for i in range(n):
         for t in range(m - 1):
-            if seen[i, t] and seen[i, t + 1]:
+            if reached[i, t] and reached[i, t + 1]:
                 step = in_lane[i, t + 1] - in_lane[i, t]
                 gone = min(max(-step, 0.0), max(left_to[i, t + 1] - left_to[i, t], 0.0)) if not counts else max(-step, 0.0)
                 for at in range(t + 1, min(t + 1 + reach, m)):
@@ -100,7 +100,7 @@ def _interval_evidence(  # noqa: C901 - sums over traces for each pair of statio
             bonus = 1 + min(left[i, e], 1.0) * max(ratio - 1, 0.0)
             most, rho = 0.0, 0.0
             for b in range(e, m):
-                if seen[i, b] and in_lane[i, b] > most:
+                if reached[i, b] and in_lane[i, b] > most:
                     most = in_lane[i, b]
                 if seeming[i, b] > rho and in_lane[i, b] > 0.5:
                     rho = seeming[i, b]

@@ -165,7 +165,7 @@ def _lanes_inside(lane: int, n_lanes: int) -> list[int]:
 def _users_may_err(lane: int, interval: FloatArray, sight: _Sight) -> bool:
     """Whether some traces seem to drive in a likely closure, few of those that pass, and of receivers that err by a lane."""
     e, b = _likeliest(interval)
-    seen = sight.observations.eta[:, e : b + 1].max(axis=1) > 0
+    seen = sight.observations.reached[:, e : b + 1].any(axis=1)
     users = np.where(seen, sight.driven[:, e : b + 1, lane].max(axis=1), 0.0)
     sigma = float((users * sight.fit.sigma).sum() / max(users.sum(), 1e-9))
     return sigma > MIN_DOUBTFUL_SIGMA_M and MIN_DOUBTFUL_USERS < users.sum() < MAX_DOUBTFUL_SHARE * seen.sum()
@@ -225,7 +225,7 @@ def _evidence(
     fit, observations = sight.fit, sight.observations
     evidence = interval_evidence(
         sight.driven[:, part, lane],
-        observations.eta[:, part] > 0,
+        observations.reached[:, part],
         visibility=witness * (1 - fit.stray) / (1 + (2 * fit.sigma / fit.course.width) ** 2),
         seeming=np.where(sight.slow[:, part], SEEMING_SHARE_OF_SLOW, SEEMING_SHARE),
         spacing=observations.spacing,
@@ -247,10 +247,9 @@ def _evidence(
 
 def _lane_changes_per_m(fit: LaneFit, observations: Observations) -> float:
     """Rate [1/m] at which vehicles change lanes."""
-    seen = observations.eta > 0
-    both = (seen[:, 1:] & seen[:, :-1])[:, :, None]
+    both = (observations.reached[:, 1:] & observations.reached[:, :-1])[:, :, None]
     changes = float((np.abs(np.diff(fit.in_lane, axis=1)) * both * (1 - fit.stray)[:, None, None]).sum()) / 2
-    return float((1 + changes) / (1 / LANE_CHANGES_PER_M + seen.sum() * observations.spacing))
+    return float((1 + changes) / (1 / LANE_CHANGES_PER_M + observations.reached.sum() * observations.spacing))
 
 
 def slow_stretches(observations: Observations) -> BoolArray:

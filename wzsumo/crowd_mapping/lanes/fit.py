@@ -221,8 +221,7 @@ def crowd_of(fit: LaneFit, observations: Observations) -> Crowd:
     first = np.where(seen.any(axis=1), seen.argmax(axis=1), 0)
     begun = fit.in_lane[np.arange(len(first)), first] * (1 - fit.stray)[:, None]
     counts = begun.sum(axis=0) + 1.0
-    on_lanes = (observations.eta > 0) * (1 - fit.stray)[:, None]
-    driven = (fit.in_lane * on_lanes[:, :, None]).sum(axis=(0, 1)) * observations.spacing
+    driven = (fit.in_lane.sum(axis=1) * (1 - fit.stray)[:, None]).sum(axis=0) * observations.spacing
     exposure = np.stack([driven[:-1], driven[1:]], axis=1)
     return Crowd(
         receivers=shares_after(fit.class_share),

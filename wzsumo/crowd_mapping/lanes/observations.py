@@ -1,6 +1,7 @@
 """Observations: lateral offsets of traces at common stations, how much each says, and how its receiver scatters."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -40,6 +41,12 @@ class Observations:
     def spacing(self) -> float:
         """Distance [m] between stations."""
         return float(self.stations[1] - self.stations[0])
+
+    @cached_property
+    def reached(self) -> BoolArray:
+        """Which stations (traces, stations) a trace drove: from its first fix to its last, those between two fixes too."""
+        seen = self.eta > 0
+        return np.asarray(np.logical_or.accumulate(seen, axis=1) & np.logical_or.accumulate(seen[:, ::-1], axis=1)[:, ::-1])
 
     def of(self, chosen: IntArray | BoolArray) -> "Observations":
         """Those of some of the traces, by number or by mask."""
@@ -183,9 +190,11 @@ def _median_speed(s: FloatArray, d: FloatArray, time: FloatArray) -> float:
 
 def cumulated_course(observations: Observations) -> FloatArray:
     """A course (stations,) [m] that follows the median step of the traces from station to station, and returns to its start."""
-    seen = observations.eta > 0
-    both = seen[:, 1:] & seen[:, :-1]
-    step = np.where(both, np.diff(observations.offset, axis=1), np.nan)
+    offset = observations.offset.copy()
+    for of_trace, seen in zip(offset, observations.eta > 0, strict=True):
+        of_trace[~seen] = np.interp(observations.stations[~seen], observations.stations[seen], of_trace[seen]) if seen.any() else 0
+    both = observations.reached[:, 1:] & observations.reached[:, :-1]
+    step = np.where(both, np.diff(offset, axis=1), np.nan)
     median = np.zeros(step.shape[1])
     some = both.any(axis=0)
     median[some] = np.nanmedian(step[:, some], axis=0)
