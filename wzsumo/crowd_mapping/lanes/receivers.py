@@ -8,7 +8,7 @@ from wzsumo.crowd_mapping.lanes.observations import Observations
 from wzsumo.frames import BoolArray, FloatArray
 
 SIGMAS_M = (0.3, 0.6, 1.0, 1.7, 2.8, 4.5)  # a driver's habit alone; RTK or map-matched; good, usual, poor receivers in cars
-TIMES_S = (30.0, 100.0, 300.0)  # over which the error of positions is correlated: multipath; ionosphere and clocks
+TIMES_S = (30.0, 200.0, 2000.0)  # over which errors are correlated: multipath; ionosphere; antenna, mounting: a whole drive
 STRAY_SIGMA_M, STRAY_TIME_S = 8.0, 200.0  # a vehicle that keeps to no lane: anywhere on the road
 STRAY_SHARE = 0.02
 PSEUDOCOUNT = 5.0  # traces' worth of equal shares: a crowd of good receivers so far may have a poor one yet
