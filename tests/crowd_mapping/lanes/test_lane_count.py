@@ -62,8 +62,8 @@ def test_lane_that_all_its_users_leave_within_some_hundred_metres_is_a_lane() ->
 
 
 def test_lane_that_poor_receivers_alone_show_is_in_doubt_and_warnings_say_so() -> None:
-    """Eight good receivers in two lanes, four poor ones in the first, eight beside the second: in a third lane, or not."""
-    good, poor = crowd([0.0, LANE_M] * 4), crowd([0.0] * 4 + [2 * LANE_M] * 8, poor=True, seed=21)
+    """Eight good receivers in two lanes, four poor ones in the first, seven beside the second: in a third lane, or not."""
+    good, poor = crowd([0.0, LANE_M] * 4), crowd([0.0] * 4 + [2 * LANE_M] * 7, poor=True, seed=21)
     poor["vehicle_id"] = "p" + poor["vehicle_id"]
     made = map_lanes(pd.concat([good, poor], ignore_index=True))
     assert made.figures["lanes"] == 3

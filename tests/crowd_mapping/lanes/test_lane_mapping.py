@@ -109,9 +109,11 @@ def before_of(*, closed: AnnouncedZone | None = None, lanes: int = 2) -> MapBefo
     return MapBefore(road=road, announced=closed)
 
 
-def closing(*, n: int = 12, stay: int = 0, error_m: float = 0.2, offset_m: float = 0.0) -> pd.DataFrame:
+def closing(
+    *, n: int = 12, stay: int = 0, error_m: float = 0.2, offset_m: float = 0.0, interval_s: float = 1.0, seed: int = 0
+) -> pd.DataFrame:
     """Vehicles on 1200 m; those in the left lane move over between 300 and 400 m but for `stay`, and back behind 900 m."""
-    table = crowd(n=n, length_m=1200.0, error_m=error_m)
+    table = crowd(n=n, length_m=1200.0, error_m=error_m, interval_s=interval_s, seed=seed)
     number = table["vehicle_id"].str[1:].astype(int)
     leaves = (number % 2 == 1) & (number > 2 * stay)
     x = table["x_m"] - 12.0 * (number % 5)
@@ -139,6 +141,23 @@ def test_lane_that_everybody_leaves_is_closed_between_and_open_before_and_after(
     assert p[s < 150].min() > 0.804
     assert p[s > 1100].min() > 0.804
     assert made.lanes.lanes[0].p_open_middle.min() > 0.804
+
+
+@pytest.mark.parametrize("interval_s", [3.0, 6.0])
+@pytest.mark.parametrize("joined", [False, True])
+def test_fixes_many_stations_apart_show_a_closure_too(joined: bool, interval_s: float) -> None:
+    made = map_lanes(closing(n=24, interval_s=interval_s), before=before_of(closed=ZONE) if joined else None)
+    lanes = made.lanes
+    s = lanes.stations - (200.0 if joined else 0.0)
+    assert lanes.lanes[1].p_open_middle[(s > 600) & (s < 700)].max() < 0.2
+    assert lanes.lanes[0].p_open_middle.min() > 0.804
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_receivers_that_err_by_half_a_lane_all_along_do_not_open_a_closed_lane(seed: int) -> None:
+    made = map_lanes(closing(n=30, error_m=1.3, seed=seed), before=before_of(closed=ZONE))
+    assert closed_at(made, 650.0, 1) > 0.9
+    assert closed_at(made, 650.0, 0) < 0.1
 
 
 def test_lane_in_which_three_of_six_go_on_is_open() -> None:

@@ -3,6 +3,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from crowd_mapping.lanes.fits import seen
 
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course, observe
 from wzsumo.crowd_mapping.reference_line import axis_of
@@ -100,3 +101,20 @@ def test_cumulated_course_follows_what_all_traces_do_and_not_what_one_does() -> 
     assert cumulated_course(moving(together[None])) == pytest.approx(together, abs=0.05)
     alone = np.vstack([np.zeros((2, m)), together])
     assert cumulated_course(moving(alone)) == pytest.approx(np.zeros(m), abs=0.05)
+
+
+def test_trace_reaches_all_stations_from_its_first_fix_to_its_last_and_no_others() -> None:
+    sparse = observed(interval_s=5.0, offsets=(0.0,))
+    assert (sparse.eta[0] > 0).sum() < len(sparse.stations) / 4
+    at = sparse.stations - 10.0  # x
+    assert (sparse.reached[0] == ((at >= -10.0) & (at <= 1010.0))).all()
+    part = seen(np.zeros((2, 8)), eta=np.array([[0, 0, 1, 0, 0, 1, 0, 0], [0, 0, 0, 0, 0, 0, 0, 0]]))
+    assert part.reached.astype(int).tolist() == [[0, 0, 1, 1, 1, 1, 0, 0], [0] * 8]
+
+
+def test_first_course_follows_traces_whose_fixes_lie_many_stations_apart() -> None:
+    offset = np.tile(np.r_[np.zeros(10), np.linspace(0.0, 3.0, 11), np.full(9, 3.0), np.linspace(3.0, 0.0, 10)], (3, 1))
+    eta = np.zeros_like(offset)
+    eta[:, ::5] = eta[:, -1] = 1.0
+    course = cumulated_course(seen(np.where(eta > 0, offset, 0.0), eta=eta))
+    assert course == pytest.approx(offset[0], abs=0.8)

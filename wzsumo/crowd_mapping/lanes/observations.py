@@ -190,9 +190,10 @@ def _median_speed(s: FloatArray, d: FloatArray, time: FloatArray) -> float:
 
 def cumulated_course(observations: Observations) -> FloatArray:
     """A course (stations,) [m] that follows the median step of the traces from station to station, and returns to its start."""
-    offset = observations.offset.copy()
+    offset, at = observations.offset.copy(), observations.stations
     for of_trace, seen in zip(offset, observations.eta > 0, strict=True):
-        of_trace[~seen] = np.interp(observations.stations[~seen], observations.stations[seen], of_trace[seen]) if seen.any() else 0
+        if seen.any():
+            of_trace[~seen] = np.interp(at[~seen], at[seen], of_trace[seen])
     both = observations.reached[:, 1:] & observations.reached[:, :-1]
     step = np.where(both, np.diff(offset, axis=1), np.nan)
     median = np.zeros(step.shape[1])
