@@ -11,7 +11,7 @@ import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
@@ -21,8 +21,10 @@ from typing import Any, NoReturn
 from wzsumo import __version__
 from wzsumo.commands.terminal.completion import SHELLS, completion_option
 from wzsumo.commands.terminal.progress import telling_of_compiling
+from wzsumo.commands.terminal.streams import open_standard_streams, printing
 from wzsumo.commands.terminal.words import lines_of
 from wzsumo.errors import InputError, check_name, did_you_mean, one_line
+from wzsumo.files.placing import keeping
 
 # One thread per library: matrices here are small, and more threads make the fits slower.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -82,6 +84,9 @@ class OneLineParser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> NoReturn:
     """Run one command and exit."""
     words = list(sys.argv[1:] if argv is None else argv)
+    if argv is None:  # a program of its own
+        os.environ.pop("MPLBACKEND", None)  # figures go to files; one that is not installed would end every command
+    open_standard_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal may know ASCII alone, and names of files may be no UTF-8
@@ -90,10 +95,12 @@ def main(argv: Sequence[str] | None = None) -> NoReturn:
             try:
                 _run(words)
             finally:
-                sys.stdout.flush()  # here, and not as Python ends, where a closed pipe could no longer be told
+                with printing():
+                    sys.stdout.flush()  # here, and not as Python ends, where a closed pipe could no longer be told
     except InputError as error:
-        for mistake in error.args:
-            print(f"wzsumo: {one_line(str(mistake))}", file=sys.stderr)
+        with suppress(OSError):  # stderr may lie on a full disk
+            for mistake in error.args:
+                print(f"wzsumo: {one_line(str(mistake))}", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is still to be flushed at the end
@@ -110,23 +117,40 @@ def _run(words: list[str]) -> None:
     parser = _parser(words)
     if words and words[0] in COMMANDS:
         words = getattr(import_module(f"wzsumo.commands.{words[0]}"), "prepared", list)(words)
-    args = parser.parse_args(words)
-    for value in vars(args).values():
-        for path in value if isinstance(value, list) else [value]:
-            if isinstance(path, Path):
-                check_name(path)
+    with printing():
+        args = parser.parse_args(words)
+    for name, value in vars(args).items():
+        setattr(args, name, [_path(each) for each in value] if isinstance(value, list) else _path(value))
     command = import_module(f"wzsumo.commands.{args.command}")
-    with telling_of_compiling(args):
+    with telling_of_compiling(args), keeping(_inputs(args)):
         figures = command.run(args)
-    if args.json:
-        print(json.dumps(figures))
-    else:
-        getattr(command, "tell", _tell)(figures, args)
-        if not args.quiet and (step := getattr(command, "next_step", _nothing)(figures, args)):
-            print(f"next: {step}")
+    with printing():
+        if args.json:
+            print(json.dumps(figures))
+        else:
+            getattr(command, "tell", _tell)(figures, args)
+            if not args.quiet and (step := getattr(command, "next_step", _nothing)(figures, args)):
+                print(f"next: {step}")
     if reason := getattr(command, "failure", _nothing)(figures, args):
         print(f"wzsumo: {one_line(reason)}", file=sys.stderr)
         sys.exit(1)
+
+
+def _path(value: Any) -> Any:
+    """The value; where it is a path, one that no library takes for another. Raises InputError where its name cannot be one.
+
+    The shell has put the home folder in the place of a `~` that means it; pandas would do so with any other.
+    """
+    if not isinstance(value, Path):
+        return value
+    check_name(value)
+    return Path.cwd() / value if str(value).startswith("~") else value
+
+
+def _inputs(args: argparse.Namespace) -> list[Path]:
+    """The files that the command is to read."""
+    values = [value for name, value in vars(args).items() if name != "out"]
+    return [path for value in values for path in (value if isinstance(value, list) else [value]) if isinstance(path, Path)]
 
 
 def _nothing(_figures: dict[str, Any], _args: argparse.Namespace) -> str:

@@ -77,6 +77,9 @@ def chosen_methods(names: Iterable[str] | None, scenario: Scenario) -> tuple[Map
     if isinstance(names, str):
         raise SpecError(f"methods={names!r}: must be a list of names, such as [{names!r}]")
     if names is not None:
+        names = list(names)
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise SpecError(f"method {', '.join(twice)}: named more than once; name each once")
         return tuple(_fitting(method_named(name), scenario) for name in names)
     if scenario.live is not None:
         return tuple(methods_from(Source.LIVE).values())

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from wzsumo.commands.terminal.arguments import add_out_folder, add_reading, column_names, number
+from wzsumo.commands.terminal.streams import printing
 from wzsumo.errors import SpecError
 from wzsumo.files.fixes.tables import table_files
 from wzsumo.files.lanes import LANES_FILE, LanesFile, read_lanes, write_lanes
@@ -99,12 +100,13 @@ def _write_now(folder: LiveFolder, half_life_s: float) -> None:
 
 def _teller(args: argparse.Namespace) -> Any:
     def tell(line: dict[str, Any]) -> None:
-        if args.json:
-            sys.stdout.write(json.dumps(line) + "\n")
-        elif "alarm" in line:
-            alarm = line["alarm"]
-            sys.stdout.write(f"trace {alarm['trace']}: {alarm['words']} ({alarm['n_traces']} traces)\n")
-        sys.stdout.flush()
+        with printing():
+            if args.json:
+                sys.stdout.write(json.dumps(line) + "\n")
+            elif "alarm" in line:
+                alarm = line["alarm"]
+                sys.stdout.write(f"trace {alarm['trace']}: {alarm['words']} ({alarm['n_traces']} traces)\n")
+            sys.stdout.flush()
 
     return tell
 

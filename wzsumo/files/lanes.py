@@ -13,6 +13,7 @@ from shapely.errors import GEOSException
 
 from wzsumo.errors import MapError
 from wzsumo.files.geojson import feature, feature_collection, frame_of_collection, geometry_in_metres
+from wzsumo.files.placing import settle
 from wzsumo.frames import FloatArray
 from wzsumo.geography import LocalFrame
 from wzsumo.input_files import read_json
@@ -69,6 +70,7 @@ def read_lanes(path: Path | str) -> LanesFile:
     path = Path(path)
     if path.is_dir():
         path = path / LANES_FILE
+    settle(path.parent)
     try:
         collection = read_json(path)
         frame = frame_of_collection(collection)

@@ -15,6 +15,7 @@ FORMATS = ("PPM", "PNG", "BMP", "TIFF", "JPEG")
 WANTED = "give a PGM or PNG of grey (8 or 16 bits), RGB or palette, with or without alpha"
 MAX_PIXELS = 89_478_485  # Pillow's own limit: a quarter of a GiB of RGB
 _TIFF_PHOTOMETRIC, _WHITE_IS_ZERO = 262, 0
+_ORIENTATION = 274  # of TIFF and Exif; 1: as it stands
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,11 +40,39 @@ def read_map_image(path: Path) -> MapImage:
             reading(path, error=MapError, remedy=WANTED),
             Image.open(path, formats=FORMATS) as image,
         ):
+            _refuse_ambiguous(image, path)
+            _refuse_beyond_full(image, path)
             return _brightness(image, path)
     except (Image.DecompressionBombWarning, Image.DecompressionBombError):
         raise MapError(f"{path}: has more than {MAX_PIXELS} pixels; crop it to the road or use a coarser resolution") from None
     except Warning as doubt:
         raise MapError(f"{path}: is damaged ({doubt}); {WANTED}") from None
+
+
+def _refuse_ambiguous(image: Image.Image, path: Path) -> None:
+    """Raise MapError where programs differ in what they see: a tag turns the image, or it is one of several."""
+    turned = image.getexif().get(_ORIENTATION, 1)
+    if turned != 1:
+        raise MapError(
+            f"{path}: its orientation tag is {turned}, which not all programs heed; turn the pixels and save it as 1"
+        )
+    pages = getattr(image, "n_frames", 1)
+    if pages != 1:
+        raise MapError(f"{path}: holds {pages} images; a map is one: save the one that is meant")
+
+
+def _refuse_beyond_full(image: Image.Image, path: Path) -> None:
+    """Raise MapError where a PGM or PPM in bytes holds levels above the full scale of its header: one of the two is wrong."""
+    decoder, _, start, about = image.tile[0] if image.format == "PPM" and image.tile else ("", (), 0, ())
+    if decoder != "ppm" or not isinstance(about, tuple):
+        return
+    full = int(about[-1])
+    count = image.width * image.height * len(image.getbands())
+    with path.open("rb") as file:
+        file.seek(start)
+        most = np.frombuffer(file.read(count * (1 if full < 256 else 2)), dtype=np.uint8 if full < 256 else ">u2")
+    if most.size and most.max() > full:
+        raise MapError(f"{path}: holds levels up to {most.max()}, but its header says that {full} is white; correct the header")
 
 
 def _brightness(image: Image.Image, path: Path) -> MapImage:

@@ -12,6 +12,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from wzsumo.errors import OutputError
+from wzsumo.files.placing import place, refuse_in_the_way, refuse_kept
 from wzsumo.files.work_folder import work_folder
 
 if TYPE_CHECKING:
@@ -25,20 +26,20 @@ NO_ROOM = {errno.ENOSPC: "the disk is full", errno.EDQUOT: "the quota is used up
 def staged_folder(out: Path, *, files: Sequence[str] = ()) -> Iterator[Path]:
     """An empty folder to write to. At the end of the block its files move into `out` and replace files of the same name.
 
-    If the block raises or is interrupted, its files are deleted and `out` stays as it is. A link in `out` is replaced, never
-    written through. Raises OutputError where `out` cannot be written to, at once where one of `files`, the names that the block
-    will write, cannot be a file there.
+    If the block raises or is interrupted, its files are deleted and `out` stays as it is; killed while the files move, the
+    next command moves the rest (see `placing`). A link in `out` is replaced, never written through. Raises OutputError where
+    `out` cannot be written to, at once where one of `files`, the names that the block will write, cannot be a file there.
     """
     with ExitStack() as at_end:
         at_end.callback(_remove_if_empty, _missing_folders(out))
         with writing_to(out):
             out.mkdir(parents=True, exist_ok=True)
-            _refuse_in_the_way(out, [(Path(name), False) for name in files])
-            stage = at_end.enter_context(work_folder(out))
+            refuse_in_the_way(out, [(Path(name), False) for name in files])
+            stage = at_end.enter_context(work_folder(out.absolute()))  # pandas expands a path that begins with ~
         with writing_to(out, only=NO_ROOM):
             yield stage
         with writing_to(out), uninterrupted():
-            _move(stage, out)
+            place(stage, out)
 
 
 @contextmanager
@@ -50,6 +51,8 @@ def staged_file(path: Path) -> Iterator[Path]:
     """
     if path.name in {"", ".."} or "\0" in str(path):
         raise OutputError(f"{path}: is no name of a file; name one")
+    with writing_to(path):
+        refuse_kept(path)
     with staged_folder(path.parent, files=(path.name,)) as stage:
         yield stage / path.name
 
@@ -123,7 +126,7 @@ def uninterrupted() -> Iterator[None]:
 
 def refuse_links(out: Path, folders: Iterable[str]) -> None:
     """Raise OutputError where one of the folders in `out` is a link or a file."""
-    _refuse_in_the_way(out, [(Path(name), True) for name in folders])
+    refuse_in_the_way(out, [(Path(name), True) for name in folders])
 
 
 def _missing_folders(out: Path) -> list[Path]:
@@ -141,28 +144,3 @@ def _remove_if_empty(folders: list[Path]) -> None:
     with suppress(OSError):  # one holds what was written
         for folder in folders:
             folder.rmdir()
-
-
-def _refuse_in_the_way(out: Path, places: Iterable[tuple[Path, bool]]) -> None:
-    """Raise OutputError where a folder is where a file goes, or a file or a link where a folder goes; (place, is a folder)."""
-    for place, is_folder in places:
-        folders = [*reversed(place.parents)][1:] + [place] * is_folder
-        for folder in folders:
-            target = out / folder
-            if target.is_symlink() or (target.exists() and not target.is_dir()):
-                what = "a link" if target.is_symlink() else "a file"
-                raise OutputError(f"{target}: is {what} where a folder goes; move it away or name another folder")
-        target = out / place
-        if not is_folder and target.is_dir() and not target.is_symlink():
-            raise OutputError(f"{target}: is a folder where a file goes; move it away or name another folder")
-
-
-def _move(stage: Path, out: Path) -> None:
-    """Move everything in `stage` to its place in `out`, or nothing."""
-    found = [(path, path.relative_to(stage), path.is_dir()) for path in sorted(stage.rglob("*"))]
-    _refuse_in_the_way(out, [(place, is_folder) for _, place, is_folder in found])
-    for path, place, is_folder in found:
-        if is_folder:
-            (out / place).mkdir(exist_ok=True)
-        else:
-            path.replace(out / place)

@@ -17,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from wzsumo.errors import MAX_SHOWN, InputError, check_file, one_line, reading
 from wzsumo.files.geojson import collection_in_metres
+from wzsumo.files.placing import settle
 from wzsumo.files.ros_map import read_map
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, cells_inside
@@ -216,6 +217,7 @@ class ResultFolder:
 
 def read_result_folder(folder: Path) -> ResultFolder:
     """The run of a result folder. Raises InputError where a file is missing or is not what it should be."""
+    settle(folder)
     missing = [name for name in NEEDED_FILES if not (folder / name).is_file()]
     if missing:
         raise InputError(f"{folder}: {', '.join(missing)} missing; a report needs the folder that `wzsumo run` wrote")

@@ -9,12 +9,25 @@ import yaml
 
 from wzsumo.errors import MapError, check_file, reading, shown
 from wzsumo.files.map_image import MapImage, read_map_image
+from wzsumo.files.placing import settle
 from wzsumo.frames import FloatArray
 from wzsumo.grid import FREE_THRESHOLD, OCCUPIED_THRESHOLD, UNKNOWN, OccupancyGrid
 
 _DEFAULT_THRESHOLDS = {"occupied_thresh": OCCUPIED_THRESHOLD, "free_thresh": FREE_THRESHOLD}
 _MAX_METADATA_BYTES = 1e6
+_MAX_KEYS = 1000  # of one mapping; a map has some ten
 _WANTED = "name the YAML file of a ROS map, with the keys image, resolution and origin"
+
+
+class _KeysOnceLoader(yaml.SafeLoader):
+    """PyYAML's safe loader, which refuses a key that is given twice instead of taking the last value."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """The mapping of a node. Raises ConstructorError."""
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+        if twice := sorted({key for key in keys if keys.count(key) > 1}) if len(keys) < _MAX_KEYS else ["..."]:
+            raise yaml.constructor.ConstructorError(None, None, f"{', '.join(twice)} given more than once", node.start_mark)
+        return super().construct_mapping(node, deep=deep)
 
 
 def write_map(grid: OccupancyGrid, folder: Path | str, *, name: str = "map") -> Path:
@@ -50,6 +63,7 @@ def read_map(path: Path | str) -> OccupancyGrid:
     Raises MapError where the two files do not fit together. Source: ROS map_server documentation, "Value Interpretation".
     """
     path = Path(path)
+    settle(path.parent)
     metadata = _read_metadata(path)
     image_path = path.parent / str(metadata["image"])
     try:
@@ -90,7 +104,7 @@ def _read_metadata(path: Path) -> dict[str, Any]:
     """image, mode, resolution, origin (x, y), negate and thresholds; width and height where the file has them."""
     check_file(path, error=MapError, remedy=_WANTED, max_bytes=_MAX_METADATA_BYTES)
     with reading(path, error=MapError, remedy=_WANTED, also=(yaml.YAMLError,)):
-        given = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
+        given = yaml.load(path.read_text(encoding="utf-8-sig"), Loader=_KeysOnceLoader)  # noqa: S506 - a SafeLoader
     if not isinstance(given, dict):
         raise MapError(f"{path}: not a ROS map YAML file; {_WANTED}")
     missing = [key for key in ("image", "resolution", "origin") if key not in given]

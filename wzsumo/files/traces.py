@@ -42,7 +42,7 @@ def read_fixes(
     parts: list[Fixes] = []
     of_first: str | None = None
     for file, before, after in zip(files, read_before, read_before[1:], strict=False):
-        raw, own_crs = read_table(file)
+        raw, own_crs = read_table(file, id_column=columns.get("vehicle_id"))
         tell(float(before + after) / 2)
         of_first = own_crs if not parts else of_first
         if own_crs != of_first:

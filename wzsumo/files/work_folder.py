@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from wzsumo.errors import OutputError
+from wzsumo.files.placing import settle
 
 PREFIX = ".wzsumo-unfinished-"
 _NAME = re.compile(re.escape(PREFIX) + "[0-9a-f]{16}")
@@ -20,8 +21,11 @@ _NAME = re.compile(re.escape(PREFIX) + "[0-9a-f]{16}")
 def work_folder(parent: Path) -> Iterator[Path]:
     """A new folder in `parent`, deleted at the end of the block. Folders that killed processes left there are deleted first.
 
+    What such a process had finished, and was moving to its place, is moved there.
+
     Raises OSError where none can be made.
     """
+    settle(parent)
     remove_leftovers(parent)
     folder, lock = _locked_folder(parent)
     try:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from wzsumo.case.watch import Progress, Tell, quiet_progress
+from wzsumo.commands.terminal.streams import write_to_stderr
 from wzsumo.errors import one_line
 from wzsumo.sweep.compiling import compiling_told
 
@@ -16,8 +17,7 @@ LINE_DELAY_S, LINE_INTERVAL_S = 2.0, 10.0  # a log tells of a step from so long 
 def say(args: argparse.Namespace, line: str) -> None:
     """Print a line, unless the command is to be quiet."""
     if not args.quiet:
-        sys.stderr.write(f"{one_line(line)}\n")
-        sys.stderr.flush()
+        write_to_stderr(f"{one_line(line)}\n")
 
 
 def progress_of(args: argparse.Namespace) -> Progress:
@@ -49,13 +49,12 @@ def _lines(name: str, total: float) -> Iterator[Tell]:
         now, share = time.monotonic(), done / total if total else 1.0
         if now >= next_line and 0.01 <= share < 1:
             next_line = now + LINE_INTERVAL_S
-            sys.stderr.write(f"{name}: {100 * share:.0f} %\n")
-            sys.stderr.flush()
+            write_to_stderr(f"{name}: {100 * share:.0f} %\n")
 
     yield tell
     took = time.monotonic() - began
     if took > LINE_DELAY_S:
-        sys.stderr.write(f"{name}: done in {took:.0f} s\n")
+        write_to_stderr(f"{name}: done in {took:.0f} s\n")
 
 
 @contextmanager

@@ -102,6 +102,15 @@ def place_metres(
     return Placed(points=points, frame=None, as_given=unit == "m", doubts=doubts)
 
 
+def speed_doubts(points: FloatArray, steps: Steps) -> tuple[str, ...]:
+    """A doubt where vehicles get on faster than any traffic, or so slowly that their times are milliseconds."""
+    speed = steps.usual_speed(points)
+    in_ms = speed < 0.1 and 1.0 < 1000 * speed < MAX_USUAL_MPS
+    if not (speed > MAX_USUAL_MPS or in_ms) or steps.advance_share(points) <= MIN_ADVANCE_SHARE:
+        return ()
+    return (f"vehicles would move at {speed:.3g} m/s from fix to fix: see the units of the times and coordinates",)
+
+
 def _degrees(
     lon: FloatArray, lat: FloatArray, steps: Steps, *, columns: tuple[Column, Column], reported: FloatArray | None, source: str
 ) -> tuple[FloatArray, tuple[str, ...]]:
@@ -112,6 +121,8 @@ def _degrees(
         return raw * DEGREES_PER_UNIT[unit], ()
     size = np.nanmedian(np.abs(raw), axis=0)
     if (size <= 180).all():
+        if size.min() > 90:
+            raise TraceError(f"{source}: {columns[1].name} {raw[0, 1]:g} is no latitude; it lies between -90 and 90 degrees")
         return raw, ()
     names = f"{columns[1].name} {raw[0, 1]:g} and {columns[0].name} {raw[0, 0]:g}"
     fitting: dict[str, float] = {}  # how far the speeds are off, as a logarithm; 0 where none are reported

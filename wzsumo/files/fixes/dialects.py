@@ -101,6 +101,18 @@ def columns_of(names: list[str], *, chosen: Mapping[str, str], source: str) -> d
     return columns | _by_last_words(names, columns, source=source)
 
 
+def may_hold_ids(name: str) -> bool:
+    """Whether a column of that name may be the one of vehicle ids."""
+    return any(meaning == "vehicle_id" for meaning, _, _ in _meanings(name)) or bool(_ends_with(name, "vehicle_id"))
+
+
+def of_the_same_name(name: str, names: list[str]) -> list[str]:
+    """The other columns that are called so, but for capitals, spaces or the number that readers add to a repeated name."""
+    bare = name.strip().lower()
+    numbered = re.compile(re.escape(bare) + r"(\.\d+)?")
+    return [other for other in names if other != name and numbered.fullmatch(other.strip().lower())]
+
+
 OWN = {
     "vehicle_id": ("vehicle_id", None), "time_s": ("time", "s"), "x_m": ("x", "m"), "y_m": ("y", "m"),
     "heading_rad": ("heading", "rad"), "speed_mps": ("speed", "m/s"), "length_m": ("length", "m"), "width_m": ("width", "m"),

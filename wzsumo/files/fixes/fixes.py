@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from wzsumo.errors import TraceError, shown
-from wzsumo.files.fixes.coordinates import METRES_PER_UNIT, Placed, place_degrees, place_metres
-from wzsumo.files.fixes.dialects import Column, columns_of
+from wzsumo.files.fixes.coordinates import METRES_PER_UNIT, Placed, place_degrees, place_metres, speed_doubts
+from wzsumo.files.fixes.dialects import Column, columns_of, of_the_same_name
 from wzsumo.files.fixes.speeds import SPEED_UNITS, Steps, steps_between, unit_of_ratio
 from wzsumo.files.fixes.sumo_fcd import is_fcd, moved_from_bumper, turned_to_north, without_empty_steps
 from wzsumo.files.fixes.times import Times, are_clock_times, numbers_of, times_of, with_date
@@ -61,20 +61,24 @@ def fixes_of(
     """
     raw.columns = raw.columns.map(str)
     found = columns_of(list(raw.columns), chosen=columns, source=source)
+    _refuse_two_of_one_name(raw, found, source=source)
     if is_fcd(found):
         raw = without_empty_steps(raw, found)
     words = _Words(said=[f"{column.name} is taken for {meaning}" for meaning, column in found.items() if column.by_end])
     ids = _ids(raw, found, drive=drive, words=words)
-    if raw.empty:
+    if not len(raw) and len(raw.columns):
         return Fixes(table=_as_it_stands(raw, found))  # that it is empty is told by the check of trace tables
     if ids is None or "time" not in found or not ({"x", "y"} <= set(found) or {"lat", "lon"} <= set(found)):
         raise TraceError(f"{source}: {_what_is_missing(raw, found, has_ids=ids is not None)}")
     times = _times(raw, found, source=source)
-    steps = steps_between(np.asarray(pd.factorize(ids)[0], dtype=np.int64), times.seconds)
+    codes = np.asarray(pd.factorize(ids)[0], dtype=np.int64)
+    steps = steps_between(codes, times.seconds)
     speed, reported = _speed_column(raw, found)
     placed = _placed(raw, found, steps, reported=reported, crs=crs, frame=frame, source=source)
     words.said += [*times.said, *placed.said]
     words.doubts += placed.doubts
+    moved = steps if steps.elapsed.size else steps_between(codes, times.seconds, apart=1e-9)  # all within a few seconds
+    words.doubts += speed_doubts(placed.points, moved)
     table = pd.DataFrame({"vehicle_id": ids})
     table["time_s"] = times.seconds
     kept = placed.as_given and found["x"].own
@@ -97,6 +101,16 @@ def _as_it_stands(raw: pd.DataFrame, found: dict[str, Column]) -> pd.DataFrame:
     """The raw table with the columns that were found under the toolkit's names."""
     names = {"vehicle_id": "vehicle_id", "time": "time_s", "x": "x_m", "y": "y_m"}
     return raw.rename(columns={column.name: names[key] for key, column in found.items() if key in names})
+
+
+def _refuse_two_of_one_name(raw: pd.DataFrame, found: dict[str, Column], *, source: str) -> None:
+    """Raise TraceError where a column that is used has a second one of its name with other values: who knows which is meant."""
+    for column in found.values():
+        for other in of_the_same_name(column.name, list(raw.columns)):
+            if not raw[other].equals(raw[column.name]):
+                raise TraceError(
+                    f"{source}: two columns are called {column.name} ({column.name}, {other}) and differ; rename one of them"
+                )
 
 
 def _what_is_missing(raw: pd.DataFrame, found: dict[str, Column], *, has_ids: bool) -> str:
@@ -131,9 +145,13 @@ def _ids(raw: pd.DataFrame, found: dict[str, Column], *, drive: str | None, word
     """Ids of the rows; the file's own name where it names no vehicles and its clock never runs back. None: there are none."""
     if "vehicle_id" in found:
         ids = raw[found["vehicle_id"].name]
-        if isinstance(next(iter(ids.dropna()), None), list | dict | np.ndarray):
+        first = next(iter(ids.dropna()), None)
+        if isinstance(first, list | dict | np.ndarray):
             return None
-        return ids
+        if isinstance(first, bytes):
+            ids = ids.map(lambda each: each.decode("utf-8", "backslashreplace"), na_action="ignore")
+        spaced = [each for each in ids.dropna().unique() if isinstance(each, str) and each != each.strip()]
+        return ids.replace({each: each.strip() or None for each in spaced}) if spaced else ids
     if drive is None or "time" not in found or raw.empty:
         return None
     times = times_of(raw[found["time"].name], unit=None, source="")

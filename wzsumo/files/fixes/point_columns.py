@@ -14,12 +14,15 @@ _WKB = re.compile(r"\s*0[01][0-9A-Fa-f]{40,}\s*")  # byte order, kind, two numbe
 
 
 def table_of_arrow(table: pa.Table) -> tuple[pd.DataFrame, str | None]:
-    """(the table, the CRS of its geometry where it has one); GeoParquet's points become columns x and y."""
+    """(the table, the CRS of its geometry where it has one); GeoParquet's points become columns x and y.
+
+    A column that was the index of a pandas table is a column like the others.
+    """
     geometry, encoding, crs = _geometry_column(table)
     if geometry is None:
-        return table.to_pandas(), None
+        return table.to_pandas(ignore_metadata=True), None
     x, y = _coordinates(table[geometry].combine_chunks(), encoding)
-    return table.drop_columns([geometry]).to_pandas().assign(x=x, y=y), crs
+    return table.drop_columns([geometry]).to_pandas(ignore_metadata=True).assign(x=x, y=y), crs
 
 
 def with_points_of_text(table: pd.DataFrame) -> pd.DataFrame:

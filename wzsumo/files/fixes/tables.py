@@ -10,11 +10,13 @@ from xml.etree import ElementTree as ET
 import pandas as pd
 from pyarrow import ArrowException
 
-from wzsumo.errors import TraceError
+from wzsumo.errors import DAMAGED, TraceError
+from wzsumo.files.fixes.dialects import may_hold_ids
 from wzsumo.files.fixes.point_columns import table_of_arrow, with_points_of_text
 from wzsumo.input_files import read_bytes
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".parquet", ".geoparquet", ".xml", ".gpx")  # each but Parquet may be followed by .gz
+TEXT_SUFFIXES = SUFFIXES[:3]
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 _DECIMAL_COMMA = re.compile(r"^\s*-?\d+,\d+\s*$")
 
@@ -38,11 +40,16 @@ def table_files(path: Path) -> list[Path]:
     return [path]
 
 
-def read_table(path: Path) -> tuple[pd.DataFrame, str | None]:
-    """(the table of one file as it stands, its CRS where the file itself says one). Raises TraceError where it is none."""
+def read_table(path: Path, *, id_column: str | None = None) -> tuple[pd.DataFrame, str | None]:
+    """(the table of one file as it stands, its CRS where the file itself says one). Raises TraceError where it is none.
+
+    `id_column` is one of text that holds ids, beside those whose names say so: ids are read as they stand, since 7, 07 and
+    7.0 are three vehicles.
+    """
     try:
-        return _READERS[_kind(path)](path)
-    except (OSError, EOFError, ValueError, ArrowException, pd.errors.EmptyDataError, csv.Error, ET.ParseError) as error:
+        kind = _kind(path)
+        return _read_text(path, id_column=id_column) if kind in TEXT_SUFFIXES else _READERS[kind](path)
+    except (*DAMAGED, ArrowException) as error:
         why = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise TraceError(f"{path}: cannot be read as a trace table ({why})") from None
 
@@ -55,16 +62,19 @@ def _kind(path: Path) -> str:
     return suffix if suffix in SUFFIXES and not compressed_parquet else ""
 
 
-def _read_text(path: Path) -> tuple[pd.DataFrame, str | None]:
+def _read_text(path: Path, *, id_column: str | None) -> tuple[pd.DataFrame, str | None]:
     content, encoding = read_bytes(path), "utf-8-sig"
     if content.startswith(UTF_16_MARKS):
         encoding = "utf-16"  # "Unicode text" of spreadsheets
-    first = content[:65536].decode(encoding, errors="replace").splitlines()
+    elif b"\0" in content:
+        raise ValueError("it holds NUL bytes, as no text in UTF-8 does; save it as UTF-8")
+    first = [line for line in content[:65536].decode(encoding, errors="replace").splitlines() if line.strip()]
     separator = _separator(first[0] if first else "")
     comma = separator != "," and len(first) > 1 and any(_DECIMAL_COMMA.match(word) for word in first[1].split(separator))
     decimal = "," if comma else "."  # as in exports of many countries
+    ids = {name: "str" for name in _names(first[0] if first else "", separator) if name == id_column or may_hold_ids(name)}
     try:
-        table = pd.read_csv(io.BytesIO(content), sep=separator, decimal=decimal, encoding=encoding, low_memory=False)
+        table = pd.read_csv(io.BytesIO(content), sep=separator, decimal=decimal, encoding=encoding, low_memory=False, dtype=ids)
     except UnicodeDecodeError:
         raise ValueError("its text is neither UTF-8 nor UTF-16; save it as UTF-8") from None
     return with_points_of_text(table), None
@@ -73,6 +83,11 @@ def _read_text(path: Path) -> tuple[pd.DataFrame, str | None]:
 def _separator(header: str) -> str:
     """The one of comma, semicolon and tab that the header line holds most of."""
     return max(",;\t|", key=header.count)
+
+
+def _names(header: str, separator: str) -> list[str]:
+    """The names of columns in a header line, as pandas calls them."""
+    return next(csv.reader([header], delimiter=separator), []) if header else []
 
 
 def _read_parquet(path: Path) -> tuple[pd.DataFrame, str | None]:
@@ -137,9 +152,6 @@ def _local_name(element: ET.Element) -> str:
 
 
 _READERS = {
-    ".csv": _read_text,
-    ".tsv": _read_text,
-    ".txt": _read_text,
     ".parquet": _read_parquet,
     ".geoparquet": _read_parquet,
     ".xml": _read_xml,
