@@ -48,15 +48,7 @@ def main() -> None:
 
 def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = False) -> list[tuple[Any, ...]]:
     """Rows (kind, ending, inputs, largest memory MB, longest s), written to OUT/counts.csv; failures to OUT/failures."""
-    import wzsumo.commands.export  # everything that commands load, once, before the processes part
-    import wzsumo.commands.init
-    import wzsumo.commands.layout
-    import wzsumo.commands.live
-    import wzsumo.commands.map
-    import wzsumo.commands.place
-    import wzsumo.commands.run
-    import wzsumo.commands.sweep  # noqa: F401 - loaded for the processes, not used here
-
+    load_commands()
     (out / "failures").mkdir(parents=True, exist_ok=True)
     counts: Counter[tuple[str, str]] = Counter()
     most: dict[tuple[str, str], tuple[float, float]] = {}
@@ -80,6 +72,19 @@ def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = 
                 print(said)
             _written(counts, most, out)  # what is counted stays where the run is stopped
     return _written(counts, most, out)
+
+
+def load_commands() -> None:
+    """Load everything that commands load, once, before the processes part."""
+    import wzsumo.commands.export
+    import wzsumo.commands.init
+    import wzsumo.commands.layout
+    import wzsumo.commands.live
+    import wzsumo.commands.map
+    import wzsumo.commands.place
+    import wzsumo.commands.report
+    import wzsumo.commands.run
+    import wzsumo.commands.sweep  # noqa: F401 - loaded for the processes, not used here
 
 
 def _kind_of(number: int) -> str:
@@ -172,7 +177,7 @@ def _ending(code: int, said: str, folder: Path) -> str:
         return "traceback"
     if code < 0:
         return "too slow" if -code in {signal.SIGALRM, signal.SIGXCPU} else f"killed by {signal.Signals(-code).name}"
-    if any("wzsumo-unfinished" in path.name for path in folder.rglob("*")):
+    if any(path.name.startswith((".wzsumo-unfinished", ".wzsumo-finished")) for path in folder.rglob("*")):
         return "half-written"
     if code == 0:
         return "done"

@@ -1,53 +1,88 @@
 """Kills commands at random moments, by SIGKILL and SIGTERM in turn, and counts what they leave behind.
 
-    .venv/bin/python analysis/fuzz/kills.py --kills 100 --seed 1 --out results/kills
+    .venv/bin/python analysis/fuzz/kills.py --kills 100 --seed 1 --minutes 30 --out results/kills
 
 Each command writes its result B into a folder that holds a finished result A. After the kill the folder must hold all files of
 A or all of B (files that hold times of the clock are compared by their names alone), no process may be left that names the
 folder, and after SIGTERM no temporary folder either. The command is then run to its end: it must give B and leave nothing else.
 A sweep and a live map keep what is finished: what they hold after the kill lies between A and B. --commands may name one
-several times, to be killed more often: --commands map map live place run.
+several times, to be killed more often: --commands map map live place run. A kill while the files of a result move to their
+place is made good by the next command that looks (see wzsumo/files/placing.py), and is counted as such.
+Commands run in processes that part from this one, which has loaded all modules: kills hit their work, not their start.
 """
 
 import argparse
 import csv
+import io
 import os
 import random
 import shutil
 import signal
-import subprocess
 import sys
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
-from fuzz import _small_scenario, _small_study
+from fuzz import load_commands
 from networks import FREEWAY, REPOSITORY
 from trace_inputs import drives
 
+from wzsumo.cli import main as wzsumo
+from wzsumo.files.placing import FINISHED, settle
 from wzsumo.files.work_folder import PREFIX
 
 # They hold times of the clock, or how often a state was written.
-CLOCKED = ("result.json", "report.html", "zone.net.xml", "state.zip", "live.html")
+CLOCKED = ("result.json", "report.html", "state.zip", "live.html")
 GROWING = ("sweep", "live")
 WAIT_S = 3.0  # for what a killed command had started
+MARK = "WZSUMO_KILLS"  # a variable of the environment of whatever a command starts
+SCENARIO = """
+name = "short"
+seed = 1
+road = {lane_count = 2, left_shoulder_ft = 8, right_shoulder_ft = 8, length_ft = 1700}
+gnss = {error_m = 0.0, sampling_interval_s = 0.5}
+crowd = {penetration = 1.0, collected = 2, used = 2}
+control = {target_speed_mps = 10.0}
+[work_zone]
+posted_speed_mph = 25
+start_ft = 700
+closed_lanes = [0]
+work_length_ft = 100
+[simulation.demand]
+flow_vph = 600
+duration_s = 80
+warm_up_s = 20
+[route]
+start_lane = 1
+start_before_zone_m = 40
+goal_lane = 1
+goal_after_zone_m = 20
+"""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kills", type=int, default=100, help="of each signal")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="after which no further kill begins")
     parser.add_argument("--commands", nargs="+", default=list(COMMANDS), choices=list(COMMANDS))
     parser.add_argument("--out", type=Path, default=Path("results/kills"))
     args = parser.parse_args()
     base = (args.out / "work").resolve()
     shutil.rmtree(base, ignore_errors=True)
-    base.mkdir(parents=True)
+    (base / "tmp").mkdir(parents=True)
+    os.environ |= {"TMPDIR": str(base / "tmp"), MARK: str(os.getpid())}
+    load_commands()
+    until = time.monotonic() + 60 * args.minutes
     finished = {name: _finished(name, base) for name in dict.fromkeys(args.commands)}
     chance, counts = random.Random(args.seed), Counter[tuple[str, str, str]]()
+    table: list[tuple[object, ...]] = []
     for number in range(2 * args.kills):
+        if time.monotonic() > until:
+            break
         name, sign = args.commands[number // 2 % len(args.commands)], (signal.SIGKILL, signal.SIGTERM)[number % 2]
         found = ["ended before"]
         while any("ended before" in what for what in found):  # the moment came too late: another one
@@ -69,7 +104,7 @@ def _net(base: Path, out: Path, variant: str) -> list[str]:
 
 
 def _run(base: Path, out: Path, variant: str) -> list[str]:
-    return ["run", _small_scenario(base), "--seed", variant, "--method", "swept", "--out", str(out)]
+    return ["run", str(_scenario(base)), "--seed", variant, "--method", "swept", "--out", str(out)]
 
 
 def _map(base: Path, out: Path, variant: str) -> list[str]:
@@ -108,9 +143,9 @@ def _report(base: Path, out: Path, variant: str) -> list[str]:
 
 
 def _sweep(base: Path, out: Path, variant: str) -> list[str]:
-    study = Path(_small_study(base))
-    kept = "seed = [1, 2]" if variant == "2" else "seed = [1]"
-    study.write_text(study.read_text().replace("seed = [1, 2]", kept))
+    study, seeds = base / "study.toml", [1, 2][: int(variant)]
+    head = f'name = "short"\nscenarios = ["{_scenario(base).name}"]\nmethods = ["swept"]\n'
+    study.write_text(f"{head}[grid]\nseed = {seeds}\ncrowd.used = [1, 2]\n")
     return ["sweep", str(study), "--workers", "1", "--out", str(out)]
 
 
@@ -121,10 +156,14 @@ COMMANDS: dict[str, Callable[[Path, Path, str], list[str]]] = {
 
 
 def _variant(base: Path, variant: str) -> str:
-    path = base / f"paper{variant}.toml"
-    text = Path(_small_scenario(base)).read_text()
-    path.write_text(text.replace("work_length_ft = 650", f"work_length_ft = {600 + 50 * int(variant)}"))
+    path = base / f"short{variant}.toml"
+    path.write_text(SCENARIO.replace("work_length_ft = 100", f"work_length_ft = {100 + 20 * int(variant)}"))
     return str(path)
+
+
+def _scenario(base: Path) -> Path:
+    (base / "short.toml").write_text(SCENARIO)
+    return base / "short.toml"
 
 
 def _finished(name: str, base: Path) -> tuple[Path, Path, float]:
@@ -140,16 +179,37 @@ def _finished(name: str, base: Path) -> tuple[Path, Path, float]:
     return old, new, time.monotonic() - began
 
 
-def _started(words: list[str], base: Path) -> "subprocess.Popen[bytes]":
-    (base / "tmp").mkdir(exist_ok=True)
-    environment = os.environ | {"TMPDIR": str(base / "tmp")}
-    command = [sys.executable, "-m", "wzsumo", *words]
-    return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+def _started(words: list[str], base: Path) -> int:
+    """The number of a process that runs a command."""
+    child = os.fork()
+    if child:
+        return child
+    code = 70
+    try:
+        os.setsid()
+        nowhere, told = os.open(os.devnull, os.O_RDWR), os.open(base / "said.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        for number, target in ((0, nowhere), (1, nowhere), (2, told)):
+            os.dup2(target, number)
+        sys.stdin, sys.stdout, sys.stderr = (
+            io.TextIOWrapper(os.fdopen(n, mode)) for n, mode in ((0, "rb"), (1, "wb"), (2, "wb"))
+        )
+        wzsumo(words)
+    except SystemExit as ended:
+        code = int(ended.code or 0)
+    except BaseException:  # noqa: BLE001 - it is what is looked for
+        traceback.print_exc()
+    finally:
+        sys.stderr.flush()
+        os._exit(code)
+
+
+def _code(process: int) -> int:
+    return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
 
 
 def _ended(words: list[str], base: Path) -> None:
-    code = _started(words, base).wait()
-    assert code == 0, (code, words)
+    code = _code(_started(words, base))
+    assert code == 0, (code, words, (base / "said.txt").read_text(errors="replace")[-2000:])
 
 
 def _trial(
@@ -162,18 +222,21 @@ def _trial(
     words = COMMANDS[name](base, out, "2")
     process = _started(words, base)
     time.sleep(chance.uniform(0, took))
-    process.send_signal(sign)
-    code = process.wait()
+    os.kill(process, sign)
+    code = _code(process)
     found = [
         "killed" if code == -signal.SIGKILL else "terminated" if code in {143, -signal.SIGTERM} else f"ended before, {code}"
     ]
     patience = time.monotonic() + (0 if sign == signal.SIGTERM else WAIT_S)
-    while _processes(base) and time.monotonic() < patience:
+    while _processes() and time.monotonic() < patience:
         time.sleep(0.1)
-    if _processes(base):
+    if _processes():
         found.append("PROCESS LEFT")
     if sign == signal.SIGTERM and code == 143 and (_work_folders(out) or list((base / "tmp").iterdir())):
         found.append("FOLDER LEFT")
+    if list(out.glob(f"{FINISHED}*")):
+        found.append("killed between two files")
+        settle(out)
     state = _state(out)
     if not (_is_between(state, old, new) if name in GROWING else state in (_state(old), _state(new))):
         found.append("HALF-WRITTEN")
@@ -210,15 +273,16 @@ def _work_folders(out: Path) -> list[Path]:
     return list(out.rglob(f"{PREFIX}*"))
 
 
-def _processes(base: Path) -> list[str]:
+def _processes() -> list[int]:
+    """Processes that commands have started and that live still."""
     found = []
-    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+    for entry in Path("/proc").glob("[0-9]*/environ"):
         try:
-            line = entry.read_bytes().replace(b"\0", b" ").decode(errors="replace")
-        except OSError:  # it has just ended
+            marked = f"{MARK}={os.getpid()}".encode() in entry.read_bytes().split(b"\0")
+        except OSError:  # it has just ended, or is somebody else's
             continue
-        if str(base) in line and int(entry.parent.name) != os.getpid() and "kills.py" not in line:
-            found.append(line)
+        if marked:
+            found.append(int(entry.parent.name))
     return found
 
 

@@ -2,13 +2,16 @@
 
     .venv/bin/python analysis/fuzz/same_bytes.py --out results/same_bytes
 
-Files that hold times of the clock are compared by their names; of result.json all figures but the times are compared.
+What a clock measures is left out: of result.json the times, of pages numbers with " s" or " ms" behind them, of a study its
+batches and simulations, which hold how long each took (results.parquet, which is made of them, is compared). Surroundings are
+Python's hash seed, locale, time zone, folder for temporary files and working folder.
 """
 
 import argparse
 import csv
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,7 +25,8 @@ SURROUNDINGS = (
     {"PYTHONHASHSEED": "1", "LC_ALL": "C.UTF-8", "TZ": "Pacific/Auckland"},
     {"PYTHONHASHSEED": "4711", "LC_ALL": "de_DE.UTF-8", "TZ": "America/Detroit", "LANG": "tr_TR.UTF-8", "COLUMNS": "40"},
 )
-CLOCKED = ("report.html", "zone.net.xml")
+CLOCKED = ("batches", "simulations")  # folders
+DURATION = re.compile(rb"[0-9.]+ m?s<")
 TIMES = ("timings_s", "timings_ms", "plan_ms", "time_s_of_run")
 
 
@@ -51,15 +55,17 @@ def _made(name: str, base: Path, number: int) -> dict[str, bytes]:
     out, cwd = base / f"{name}_{number}" / "out", base / f"{name}_{number}" / "ß folder"
     cwd.mkdir(parents=True)
     words = COMMANDS[name](base, out, "1")
-    environment = os.environ | SURROUNDINGS[number]
-    subprocess.run([sys.executable, "-m", "wzsumo", *words], cwd=cwd, env=environment, check=True, capture_output=True)
-    files = [path for path in out.rglob("*") if path.is_file()]
+    (tmp := base / f"{name}_{number}" / "tmp").mkdir()
+    environment = os.environ | SURROUNDINGS[number] | {"TMPDIR": str(tmp)}
+    for each in (words, *([["report", str(out)]] if name == "sweep" else [])):
+        subprocess.run([sys.executable, "-m", "wzsumo", *each], cwd=cwd, env=environment, check=True, capture_output=True)
+    files = [path for path in out.rglob("*") if path.is_file() and not set(path.parts) & set(CLOCKED)]
     return {str(path.relative_to(out)): _content(path) for path in files}
 
 
 def _content(path: Path) -> bytes:
-    if path.name in CLOCKED:
-        return b""
+    if path.suffix == ".html":
+        return DURATION.sub(b"<", path.read_bytes())
     if path.name == "result.json":
         return json.dumps(_without_times(json.loads(path.read_text())), sort_keys=True).encode()
     return path.read_bytes()

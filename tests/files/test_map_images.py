@@ -10,7 +10,7 @@ from wzsumo.errors import MapError
 from wzsumo.files.map_image import read_map_image
 from wzsumo.files.ros_map import read_map
 
-GREY = np.repeat(np.uint8([[0, 205, 254]]), 4, axis=0)
+GREY = np.repeat(np.array([[0, 205, 254]], dtype=np.uint8), 4, axis=0)
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg", "tif"])

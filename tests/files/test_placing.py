@@ -57,10 +57,10 @@ def test_result_whose_command_was_killed_between_two_files_is_put_in_place_by_th
 
 
 def test_reader_of_a_map_sees_its_image_and_its_metadata_of_one_result(tmp_path: Path) -> None:
-    write_map(OccupancyGrid(p_occupied=np.zeros((2, 3)), resolution=1.0, origin=(0, 0)), tmp_path)
+    write_map(OccupancyGrid(p_occupied=np.zeros((2, 3), dtype=np.float32), resolution=1.0, origin=(0, 0)), tmp_path)
     finished = tmp_path / f"{FINISHED}{1:016x}"
     finished.mkdir()
-    write_map(OccupancyGrid(p_occupied=np.ones((4, 5)), resolution=2.0, origin=(0, 0)), finished)
+    write_map(OccupancyGrid(p_occupied=np.ones((4, 5), dtype=np.float32), resolution=2.0, origin=(0, 0)), finished)
     (finished / "map.pgm").replace(tmp_path / "map.pgm")  # and here it was killed
     grid = read_map(tmp_path / "map.yaml")
     assert (grid.shape, grid.resolution) == ((4, 5), 2.0)

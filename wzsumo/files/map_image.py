@@ -63,7 +63,8 @@ def _refuse_ambiguous(image: Image.Image, path: Path) -> None:
 
 def _refuse_beyond_full(image: Image.Image, path: Path) -> None:
     """Raise MapError where a PGM or PPM in bytes holds levels above the full scale of its header: one of the two is wrong."""
-    decoder, _, start, about = image.tile[0] if image.format == "PPM" and image.tile else ("", (), 0, ())
+    tiles = getattr(image, "tile", [])
+    decoder, _, start, about = tiles[0] if image.format == "PPM" and tiles else ("", (), 0, ())
     if decoder != "ppm" or not isinstance(about, tuple):
         return
     full = int(about[-1])
