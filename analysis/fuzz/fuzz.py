@@ -12,6 +12,7 @@ import argparse
 import contextlib
 import csv
 import io
+import json
 import os
 import random
 import resource
@@ -25,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from inputs import KINDS, REPOSITORY
+from known_answers import is_wrong, with_found
 from trace_inputs import drives
 
 LIMIT_S, LIMIT_BYTES = 60, 4 * 2**30
@@ -180,7 +182,8 @@ def _ending(code: int, said: str, folder: Path) -> str:
     if any(path.name.startswith((".wzsumo-unfinished", ".wzsumo-finished")) for path in folder.rglob("*")):
         return "half-written"
     if code == 0:
-        return "done"
+        figures = (folder / "stdout").read_text(errors="replace") if (folder / "expected.json").exists() else "{}"
+        return "silently wrong" if is_wrong(folder, with_found(json.loads(figures)), said) else "done"
     lines = [line for line in said.splitlines() if line.startswith("wzsumo: ")]
     rest = said[said.find("wzsumo: ") :].splitlines()
     if code == 2 and lines and rest == lines and sum(map(len, lines)) < MAX_SAID and all(line.isprintable() for line in lines):
@@ -201,7 +204,8 @@ def _in_process(words: list[str], *, limits: bool, cwd: Path | None = None) -> t
                 given = cwd / "stdin" if cwd is not None and (cwd / "stdin").is_file() else Path(os.devnull)
                 os.dup2(os.open(given, os.O_RDONLY), 0)
                 sys.stdin = io.TextIOWrapper(os.fdopen(0, "rb"))
-                os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+                printed = os.devnull if cwd is None else cwd / "stdout"
+                os.dup2(os.open(printed, os.O_WRONLY | os.O_CREAT), 1)
                 os.dup2(said.fileno(), 2)
                 sys.stdout, sys.stderr = (
                     io.TextIOWrapper(os.fdopen(1, "wb")),

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import known_answers
 from damage import NUMBERS, VALUES, break_key, damaged, write_toml
 from map_inputs import cloud, lanes, ros_map
 from networks import feed, network_scenario, placement
@@ -152,7 +153,8 @@ def report_folder(rng: random.Random, folder: Path) -> Words:
 KINDS: dict[str, Kind] = {
     "scenario": scenario, "scenario as text": scenario_text, "study": study, "ROS map": ros_map, "cloud": cloud, "words": words,
     "run's folder": report_folder, "study's folder": report_folder, "lanes": lanes, "traces": traces, "live": stream,
-    "place": placement, "network": network_scenario, "feed": feed,
+    "place": placement, "network": network_scenario, "feed": feed, "known table": known_answers.table,
+    "known image": known_answers.image,
 }  # fmt: skip
 
 
