@@ -13,7 +13,7 @@ from wzsumo.crowd_mapping.cleaning.usable_traces import usable_traces
 from wzsumo.errors import InputError
 from wzsumo.figures.layout_figure import draw_zone
 from wzsumo.files.layout import layout_geojson
-from wzsumo.files.output import save_figure, staged_folder
+from wzsumo.files.output import remove_stamps, save_figure, staged_folder
 from wzsumo.files.result_folder import ResultFolder
 from wzsumo.files.traces import fixes_from
 from wzsumo.frames import pose_of_degrees
@@ -59,6 +59,7 @@ def run_case(
         sumo_folder.mkdir()
         watch = Watch(progress=progress, in_window=in_window)
         result = write_case(case.run_case(scenario, methods=chosen, sumo_folder=sumo_folder, watch=watch), stage)
+        remove_stamps(sumo_folder)
         write_report(stage)
     return result
 

@@ -77,8 +77,12 @@ def _same(traces: Table, _: random.Random) -> Table:
 
 def _ids(traces: Table, rng: random.Random) -> Table:
     """Ids that are different texts, and as numbers or without spaces the same."""
-    some = rng.choice((("7", "07", "007", "7.0", "7e0", "+7"), ("a", "A", "b", "B", "c", "C"),
-                       ("1", "2", "3", "NA", "5", "6"), tuple(str(2**53 + n) for n in range(6)), (" 1", "1 ", "2", "3", "4", "5"), tuple("éßøñ中z")))  # fmt: skip
+    some = rng.choice(
+        (
+            ("7", "07", "007", "7.0", "7e0", "+7"), ("a", "A", "b", "B", "c", "C"), ("1", "2", "3", "NA", "5", "6"),
+            tuple(str(2**53 + n) for n in range(6)), (" 1", "1 ", "2", "3", "4", "5"), tuple("éßøñ中z"),
+        )
+    )  # fmt: skip
     return traces.assign(vehicle_id=traces["vehicle_id"].map(dict(zip("012345", some, strict=True))))
 
 
@@ -135,7 +139,7 @@ CHANGES = (_same, _ids, _times, _names, _twice, _holes, _degrees)
 def _text(traces: Table, path: Path, rng: random.Random) -> Path:
     separator, decimal = rng.choice(((",", "."), (";", "."), (";", ","), ("\t", ","), ("|", "."), (" ", "."), (",", ",")))
     path = path.with_suffix(rng.choice((".csv", ".tsv", ".txt")))
-    quoted = rng.choice((0, 1)) if decimal != separator else 1
+    quoted: Any = rng.choice((0, 1)) if decimal != separator else 1
     text = traces.to_csv(index=rng.random() < 0.1, sep=separator, decimal=decimal, quoting=quoted)
     text = rng.choice(("", "", "", "# made by a tool\n", "sep=;\n", "\n\n")) + text
     ends = rng.choice(("\n", "\n", "\r\n", "\r"))
@@ -147,7 +151,7 @@ def _text(traces: Table, path: Path, rng: random.Random) -> Path:
 def _parquet(traces: Table, path: Path, rng: random.Random) -> Path:
     path = path.with_suffix(".parquet")
     traces = traces.loc[:, ~traces.columns.duplicated()]
-    name = next(iter(traces))
+    name = str(next(iter(traces)))
     how = rng.choice(("plain", "category", "text", "index", "bytes", "nested"))
     if how == "category":
         traces = traces.astype({name: "category"})
@@ -181,11 +185,10 @@ def _saved(mode: str, scale: float = 255, kind: str = "u1", **options: Any) -> C
     def write(grey: Any, path: Path) -> None:
         picture = Image.fromarray(np.round(grey * scale).astype(kind) if kind[0] != "f" else (grey * scale).astype(kind))
         picture = picture if picture.mode == mode or kind != "u1" else picture.convert(mode)
-        extra = {"exif": _turned()} if options.get("turned") else {}
-        pages = (
-            {"save_all": True, "append_images": [Image.fromarray(255 - np.asarray(picture))]} if options.get("pages") else {}
-        )
-        picture.save(path, **extra, **pages)
+        extra: dict[str, Any] = {"exif": _turned()} if options.get("turned") else {}
+        if options.get("pages"):
+            extra = {"save_all": True, "append_images": [Image.fromarray(255 - np.asarray(picture))]}
+        picture.save(path, **extra)
 
     return write
 

@@ -8,8 +8,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from wzsumo.cli import main
 from wzsumo.errors import OutputError
-from wzsumo.files.output import parquet_bytes, staged_file, staged_folder, write_whole
+from wzsumo.files.output import parquet_bytes, remove_stamps, staged_file, staged_folder, write_whole
 
 
 class StoppedError(Exception):
@@ -174,3 +175,21 @@ def test_folders_made_for_a_result_that_does_not_come_are_removed_again(tmp_path
     with pytest.raises(StoppedError), staged_folder(tmp_path / "a" / "b" / "c"):
         raise StoppedError
     assert not list(tmp_path.iterdir())
+
+
+def test_only_the_stamp_of_sumos_files_is_removed(tmp_path: Path) -> None:
+    path = tmp_path / "a.xml"
+    path.write_text('<?xml version="1.0"?>\n<!-- generated on 2026 by SUMO\n<a/> -->\n\n<net><!-- kept --></net>\n')
+    for _ in range(2):
+        remove_stamps(tmp_path)
+        assert path.read_text() == '<?xml version="1.0"?>\n<net><!-- kept --></net>\n'
+
+
+def test_network_of_a_zone_is_the_same_bytes_wherever_it_is_written(tmp_path: Path) -> None:
+    paper = Path(__file__).parents[2] / "scenarios" / "paper.toml"
+    for name in ("a", "b"):
+        with pytest.raises(SystemExit):
+            main(["net", str(paper), "--out", str(tmp_path / name)])
+    first, second = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("a", "b"))
+    assert first == second
+    assert b"unfinished" not in first["zone.net.xml"]

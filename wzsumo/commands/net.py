@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from wzsumo.commands.terminal.arguments import add_out_folder, add_scenario
-from wzsumo.files.output import staged_folder
+from wzsumo.files.output import remove_stamps, staged_folder
 from wzsumo.scenario.scenario import load_scenario
 
 OWN_FILES = ("zone.net.xml", "zone.rou.xml", "zone.sumocfg")  # of a road of the scenario's own
@@ -21,6 +21,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     spec = load_scenario(args.scenario)
     with staged_folder(args.out, files=OWN_FILES if spec.network is None else ()) as stage:
         files = spec.write_sumo_files(stage)
+        remove_stamps(stage)
         config = args.out / files.config.relative_to(stage)
     return {"config": str(config), "edges": {edge.id: len(edge.through_lanes) for edge in files.edges}}
 

@@ -79,6 +79,15 @@ def save_figure(figure: "Figure", path: Path) -> None:
             path.with_suffix(suffix).write_bytes(buffer.getvalue())
 
 
+def remove_stamps(folder: Path) -> None:
+    """Remove from SUMO's files the comment that says when and with which paths it wrote them: same case, same bytes."""
+    for path in folder.glob("*.xml"):
+        content = path.read_bytes()
+        began, ended = content.find(b"<!-- generated on "), content.find(b"-->") + 3
+        if 0 <= began < ended:
+            path.write_bytes(content[:began] + content[ended:].lstrip())
+
+
 def parquet_bytes(table: "pa.Table") -> bytes:
     """The content of a Parquet file of the table, with a checksum on every page."""
     import pyarrow.parquet as pq  # importing it takes longer than planning a path, which does not need it

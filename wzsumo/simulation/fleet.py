@@ -15,7 +15,6 @@ from wzsumo.simulation.demand import CAR, TRUCK
 from wzsumo.simulation.edge_records import edge_record_options
 from wzsumo.simulation.files import SumoFiles
 from wzsumo.simulation.gridlock import CHECK_S, Gridlock
-from wzsumo.simulation.network import remove_stamp
 from wzsumo.simulation.trips import TRIP_OPTIONS, trips_file
 
 _FCD_COLUMNS = {
@@ -43,7 +42,6 @@ def simulate_fleet(files: SumoFiles, *, on_second: Callable[[float], None]) -> p
         if files.surroundings:
             options += ["--fcd-output.filter-edges.input-file", str(_write_edge_list(files.surroundings.along, folder))]
         run_to_end(files, options=(*options, *record_options(files)), on_second=on_second)
-        remove_stamp(trips_file(files))
         return _traces_of_fcd(fcd, files)
 
 

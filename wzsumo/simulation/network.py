@@ -53,16 +53,7 @@ def write_network(layout: WorkZoneLayout, folder: Path) -> Path:
     done = subprocess.run([*command, "--output-file", str(net)], capture_output=True, text=True, check=False)
     if done.returncode != 0 or not net.exists():
         raise SimulationError(f"netconvert failed: {(done.stderr or done.stdout).strip().splitlines()[-1:]}")
-    remove_stamp(net)
     return net
-
-
-def remove_stamp(path: Path) -> None:
-    """Remove the comment in which SUMO says when and with which paths it wrote a file: same case, same bytes."""
-    content = path.read_bytes()
-    began, ended = content.find(b"<!-- generated on "), content.find(b"-->") + 3
-    if 0 <= began < ended:
-        path.write_bytes(content[:began] + content[ended:].lstrip())
 
 
 def write_xml(root: ET.Element, path: Path) -> None:
