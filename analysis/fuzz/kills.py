@@ -37,6 +37,7 @@ from wzsumo.files.work_folder import PREFIX
 # They hold times of the clock, or how often a state was written.
 CLOCKED = ("result.json", "report.html", "state.zip", "live.html")
 GROWING = ("sweep", "live")
+TIMED = ("batches", "simulations")  # of a sweep: their files hold how long each took, and are called by their content
 WAIT_S = 3.0  # for what a killed command had started
 MARK = "WZSUMO_KILLS"  # a variable of the environment of whatever a command starts
 SCENARIO = """
@@ -250,11 +251,11 @@ def _trial(
 
 def _state(folder: Path) -> dict[str, bytes]:
     """Content by name of all files but those in work folders; of those with times of the clock the name alone."""
-    files = [path for path in folder.rglob("*") if path.is_file() and PREFIX not in str(path) and path.name != ".lock"]
-    return {
-        str(path.relative_to(folder)): b"" if path.name in CLOCKED or "batches" in path.parts else path.read_bytes()
-        for path in files
-    }
+    files = [
+        path for path in folder.rglob("*")
+        if path.is_file() and PREFIX not in str(path) and path.name != ".lock" and path.parent.name not in TIMED
+    ]  # fmt: skip
+    return {str(path.relative_to(folder)): b"" if path.name in CLOCKED else path.read_bytes() for path in files}
 
 
 def _is_between(state: dict[str, bytes], old: Path, new: Path) -> bool:

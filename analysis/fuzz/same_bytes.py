@@ -3,8 +3,9 @@
     .venv/bin/python analysis/fuzz/same_bytes.py --out results/same_bytes
 
 What a clock measures is left out: of result.json the times, of pages numbers with " s" or " ms" behind them, of a study its
-batches and simulations, which hold how long each took (results.parquet, which is made of them, is compared). Surroundings are
-Python's hash seed, locale, time zone, folder for temporary files and working folder.
+batches and simulations, which hold how long each took (results.parquet, which is made of them, is compared); and the name of
+the result's own folder, which the page of a study says. Surroundings are Python's hash seed, locale, time zone, folder for
+temporary files and working folder.
 """
 
 import argparse
@@ -60,7 +61,7 @@ def _made(name: str, base: Path, number: int) -> dict[str, bytes]:
     for each in (words, *([["report", str(out)]] if name == "sweep" else [])):
         subprocess.run([sys.executable, "-m", "wzsumo", *each], cwd=cwd, env=environment, check=True, capture_output=True)
     files = [path for path in out.rglob("*") if path.is_file() and not set(path.parts) & set(CLOCKED)]
-    return {str(path.relative_to(out)): _content(path) for path in files}
+    return {str(path.relative_to(out)): _content(path).replace(bytes(out), b"OUT") for path in files}
 
 
 def _content(path: Path) -> bytes:
