@@ -26,7 +26,7 @@ from wzsumo.live.trace.reading import read_trace
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 SETTLED, GIVEN_UP = 600, 500  # traces
-RUNS_PER_MAP = 25
+RUNS_PER_MAP = 5
 FIGURES = ("median_traces", "p95_traces", "missed", "right_kind", "median_min", "size_rms_m", "start_rms_m")
 
 

@@ -1,6 +1,6 @@
 """Thirteen drives like those of the recall of 2026: does an ego enter closed ground? A table in docs/results/live_recall.csv.
 
-    nice python -m analysis.live.recall_drives --seeds 10 --seed 300
+    nice python -m analysis.live.recall_drives --seeds 10 --traffic 4 --receivers 3 --seed 300
 
 Seven drives lead between cones (traffic of SUMO), six past an exit that has closed (`streams`; roads of our own have no exits).
 An ego keeps the middle of its lane as its map has it, and leaves the lane where the map shows it closed. It enters closed
@@ -15,10 +15,13 @@ stretched, in the same ratio.
 
 import argparse
 import csv
+import json
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +44,7 @@ RESULTS = Path(__file__).parents[2] / "docs" / "results"
 COLUMNS = ("drive", "map", "penetration", "traces", "minutes", "entries", "n", "seed")
 TRACES = (0, 5, 10, 15, 20, 25, 30, 40)  # since the change, at which an ego comes
 MISSED = (3.0, 6.0, 12.0, 18.0)  # vehicles that would have taken the exit, since it closed
-REPORTING, PENETRATIONS = 0.5, (0.5, 0.1, 0.04)
+REPORTING, PENETRATIONS = 0.5, (0.5, 0.04)
 FLOW_VPH, CHANGED_S = 1300.0, 420.0
 APPROACH_M, STEP_M, TOUCH_M = 600.0, 5.0, 0.1
 EXIT_SHARES = (0.2, 0.15, 0.1, 0.08, 0.05, 0.03)
@@ -125,30 +128,31 @@ def enters_by_feed(layout: WorkZoneLayout, drive: ConeDrive, *, sd: float, seed:
     )  # fmt: skip
 
 
-def cone_rows(name: str, *, seeds: Iterable[int]) -> Iterator[tuple[Any, ...]]:
-    """The rows of a drive between cones."""
-    drive, seeds = CONES[name], list(seeds)
-    entered: dict[tuple[str, float, int], int] = {}
-    for seed in seeds:
-        one = scenario(drive, seed=seed)
-        layout, width = one.layout(), one.vehicle.width_m
-        both = [_fleet(state) for state in (one.before_the_change(), one)]
-        traces = changing_stream(both[0], both[1], one)
-        for kind, sd in (("feed, verified", VERIFIED_SD_M), ("feed, estimated", ESTIMATED_SD_M)):
-            key = (kind, 0.0, 0)
-            entered[key] = entered.get(key, 0) + enters_by_feed(layout, drive, sd=sd, seed=seed, width=width)
-        for penetration in PENETRATIONS:
-            before, after = (_farther_apart(part, penetration) for part in (traces.before, traces.after))
-            live = settled_map(before, known_before(one), mapped_traces=40).live
-            updates = updates_of(live, after, doubtful_share=1.0)
-            for number in TRACES:
-                known = [update for update in updates if update.n_traces <= number][-1]
-                key = ("live", penetration, number)
-                entered[key] = entered.get(key, 0) + enters_by(known.lanes, layout, drive.lane, width=width)
+def cone_rows(name: str, *, traffic: Iterable[int], receivers: int) -> Iterator[tuple[Any, ...]]:
+    """The rows of a drive between cones, for seeds of the traffic with some of receivers and equipment each."""
+    drive, traffic, entered = CONES[name], list(traffic), Counter[tuple[str, float, int]]()
+    n = len(traffic) * receivers
+    for seed in traffic:
+        standing = scenario(drive, seed=seed)
+        layout, width = standing.layout(), standing.vehicle.width_m
+        zone = json.dumps(drive.zone)
+        both = [_fleet(drive.lanes, zone, json.dumps(state), seed) for state in (drive.before, drive.after)]
+        for number in range(receivers):
+            one = standing.model_copy(update={"seed": 1000 * seed + number})
+            traces = changing_stream(both[0], both[1], one)
+            for kind, sd in (("feed, verified", VERIFIED_SD_M), ("feed, estimated", ESTIMATED_SD_M)):
+                entered[kind, 0.0, 0] += enters_by_feed(layout, drive, sd=sd, seed=one.seed, width=width)
+            for penetration in PENETRATIONS:
+                before, after = (_farther_apart(part, penetration) for part in (traces.before, traces.after))
+                live = settled_map(before, known_before(one), mapped_traces=40).live
+                updates = updates_of(live, after, doubtful_share=1.0)
+                for count in TRACES:
+                    known = [update for update in updates if update.n_traces <= count][-1]
+                    entered["live", penetration, count] += enters_by(known.lanes, layout, drive.lane, width=width)
     entered["before", 0.0, 0] = entered["live", PENETRATIONS[0], 0]
-    for (kind, penetration, number), count in entered.items():
-        minutes = f"{60 * number / (penetration * FLOW_VPH):.0f}" if penetration else ""
-        yield name, kind, penetration or "", number if penetration else "", minutes, count, len(seeds), min(seeds)
+    for (kind, penetration, count), entries in sorted(entered.items()):
+        minutes = f"{60 * count / (penetration * FLOW_VPH):.0f}" if penetration else ""
+        yield name, kind, penetration or "", count if penetration else "", minutes, entries, n, min(traffic)
 
 
 def exit_rows(share: float, *, seeds: Iterable[int]) -> Iterator[tuple[Any, ...]]:
@@ -176,15 +180,23 @@ def _farther_apart(arrivals: list[Arrival], penetration: float) -> list[Arrival]
     return [replace(one, times=one.times + (one.times[0] - CHANGED_S) * factor) for one in arrivals]
 
 
-def _fleet(state: Scenario) -> pd.DataFrame:
+@lru_cache(maxsize=100)
+def _fleet(lanes: int, zone: str, state: str, traffic: int) -> pd.DataFrame:
+    """True traces in a state, which may be that before one change and that after another; without a zone all are alike."""
+    drive = ConeDrive(
+        lanes=lanes, zone=json.loads(zone), before={"work_length_ft": 900.0}, after=json.loads(state), lane=0
+    )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
-        return simulate_fleet(state.write_sumo_files(Path(folder)), on_second=lambda _time: None)
+        files = scenario(drive, seed=traffic).write_sumo_files(Path(folder))
+        return simulate_fleet(files, on_second=lambda _time: None)
 
 
 def main() -> None:
     """Drive, and write the table, the rows of a drive as soon as they are known."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--seeds", type=int, default=10, help="of the generator")
+    parser.add_argument("--traffic", type=int, default=4, help="seeds of SUMO's traffic")
+    parser.add_argument("--receivers", type=int, default=3, help="seeds of receivers and equipment for each of the traffic")
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--drives", nargs="+", default=[*CONES, "exits"], choices=[*CONES, "exits"])
     args = parser.parse_args()
@@ -195,7 +207,7 @@ def main() -> None:
         for name in args.drives:
             shares = EXIT_SHARES if name == "exits" else ()
             table.writerows(row for share in shares for row in exit_rows(share, seeds=seeds))
-            table.writerows(cone_rows(name, seeds=seeds) if name in CONES else ())
+            table.writerows(cone_rows(name, traffic=seeds[: args.traffic], receivers=args.receivers) if name in CONES else ())
             file.flush()
     sys.stderr.write("done\n")
 

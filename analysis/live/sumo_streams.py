@@ -9,8 +9,10 @@ product of both, clustered by traffic.
 
 import argparse
 import csv
+import json
 import sys
 import tempfile
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -61,13 +63,21 @@ def scenario(kind: str, *, traffic: int) -> Scenario:
     })  # fmt: skip
 
 
-def fleets(one: Scenario) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """True traces of the fleet before and after the change."""
-    found = []
-    for state in (one.before_the_change(), one):
-        with tempfile.TemporaryDirectory() as folder:
-            found.append(simulate_fleet(state.write_sumo_files(Path(folder)), on_second=lambda _time: None))
-    return found[0], found[1]
+def fleets(kind: str, *, traffic: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """True traces of the fleet before and after a kind of change."""
+    before, after, _ = KINDS[kind]
+    longer = kind == "nothing"
+    return _fleet(json.dumps(before), traffic, longer), _fleet(json.dumps(after), traffic, longer)
+
+
+@lru_cache(maxsize=64)
+def _fleet(state: str, traffic: int, longer: bool) -> pd.DataFrame:
+    """True traces in a state, which may be that before one change and that after another."""
+    one = scenario("nothing" if longer else "lane closed", traffic=traffic)
+    section = one.model_dump(exclude_unset=True)["live"] | {"after": json.loads(state), "before": {"work_length_ft": 900.0}}
+    standing = Scenario.model_validate(one.model_dump(exclude_unset=True) | {"live": section})
+    with tempfile.TemporaryDirectory() as folder:
+        return simulate_fleet(standing.write_sumo_files(Path(folder)), on_second=lambda _time: None)
 
 
 def alarms_of(one: Scenario, both: tuple[pd.DataFrame, pd.DataFrame], *, error_m: float, receivers: int) -> dict[str, Any]:
@@ -115,7 +125,7 @@ def main() -> None:
             table.writerow(COLUMNS)
         for kind in args.kinds:
             worlds = [scenario(kind, traffic=args.seed + number) for number in range(args.traffic)]
-            driven = [(world, fleets(world)) for world in worlds]
+            driven = [(world, fleets(kind, traffic=world.seed)) for world in worlds]
             for error in args.errors:
                 runs = [
                     alarms_of(world, both, error_m=error, receivers=1000 * args.seed + number)
