@@ -137,7 +137,7 @@ def with_evidence(live: LiveMap, reading: Reading) -> LiveMap:
     errors = error_levels(reading.offset, reading.seen, ways.places, ways.weights, ground.width, ground.closed.any(axis=1))
     in_lane = lane_shares(ways.places, ways.weights, ground.n_lanes)
     rate = max(RATE, 1 / (number + 4))
-    alike = likeness(max(reading.end_s - live.passing.last_s, 0.0))
+    alike = likeness(reading.end_s - live.passing.last_s)
     pace = reading.seconds_per_m
     usual = pace if np.isnan(live.usual_s_per_m) else live.usual_s_per_m
     change = float(np.clip(steps.walk, -3 * live.usual_walk, 5 * live.usual_walk)) - live.usual_walk
@@ -155,7 +155,7 @@ def with_evidence(live: LiveMap, reading: Reading) -> LiveMap:
             ground,
             kind=reading.kind,
             slow=pace > SLOW_FACTOR * usual,
-            alike=alike,
+            now_s=reading.end_s,
             number=number,
         ),
         passing=add_passage(live.passing, reading, ground, number=number),

@@ -30,6 +30,7 @@ def bounded(log_ratio: float, odd: float) -> float:
     return np.log((1 - SHOWN_SHARE + SHOWN_SHARE * ratio) / (1 - odd + odd * ratio))
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
 def likeness(gap_s: float) -> float:
-    """Chance that a trace that ends `gap_s` [s] after the one before does as that one did; 0 where there was none (nan)."""
-    return 0.0 if np.isnan(gap_s) else float(ALIKE * np.exp(-gap_s / PLATOON_S))
+    """Chance that a trace that ends `gap_s` [s] after another one does as that one did; nan where there was none: 0."""
+    return 0.0 if np.isnan(gap_s) else ALIKE * np.exp(-max(gap_s, 0.0) / PLATOON_S)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wzsumo.frames import FloatArray, IntArray
-from wzsumo.live.charts.evidence import SHOWN_SHARE
+from wzsumo.live.charts.evidence import SHOWN_SHARE, likeness
 from wzsumo.live.ground import Ground
 from wzsumo.live.trace.lane_use import LaneUse, Windows, windows_of
 
@@ -36,7 +36,8 @@ Counts = npt.NDArray[np.int32]
 class LaneCharts:
     """Evidence [nats] and the trace behind which it began to grow; habits, and what waits to become habit.
 
-    `closing` (REACHES, L, m); `ends` (2, L, moves): of the starts and of the ends of closures; `opening` (L, take-ups).
+    `closing` (REACHES, L, m), and `left_s` when a vehicle left the lane there last [s]; `ends` (2, L, moves): of the starts and
+    of the ends of closures; `opening` (L, take-ups).
     `leaving` (REACHES, 2 kinds of vehicles, L, m, 2) counts those that left and stayed, `places` (2, L, places) where, `using`
     (2, L, 2) those
     on closed ground and not. `ratios` (2, L, moves, 2) are sums of moved ends' likelihood
@@ -45,6 +46,7 @@ class LaneCharts:
 
     closing: FloatArray
     closing_since: Counts
+    left_s: FloatArray
     leaving: FloatArray
     leaving_pending: FloatArray
     ends: FloatArray
@@ -68,7 +70,8 @@ def first_lane_charts(ground: Ground) -> LaneCharts:
     ends, opening = np.zeros((2, n, len(MOVES_M))), np.zeros((n, len(TAKE_UPS)))
     ratios = np.zeros((2, n, len(MOVES_M), 2))
     return LaneCharts(
-        closing=np.zeros((reaches, n, m)), closing_since=np.zeros((reaches, n, m), dtype=np.int32), leaving=leaving,
+        closing=np.zeros((reaches, n, m)), closing_since=np.zeros((reaches, n, m), dtype=np.int32),
+        left_s=np.full((reaches, n, m), -np.inf), leaving=leaving,
         leaving_pending=np.zeros_like(leaving), ends=ends, ends_since=np.zeros(ends.shape, dtype=np.int32), places=places,
         places_pending=np.zeros_like(places), ratios=ratios, ratios_pending=np.zeros_like(ratios), opening=opening,
         opening_since=np.zeros(opening.shape, dtype=np.int32),
@@ -77,17 +80,17 @@ def first_lane_charts(ground: Ground) -> LaneCharts:
 
 
 def add_use(
-    charts: LaneCharts, use: LaneUse, ground: Ground, *, kind: int, slow: bool, alike: float, number: int
+    charts: LaneCharts, use: LaneUse, ground: Ground, *, kind: int, slow: bool, now_s: float, number: int
 ) -> LaneCharts:
-    """The charts after trace `number`, of a `kind` of vehicle; a slow one says nothing about closed ground.
+    """The charts after trace `number`, of a `kind` of vehicle, which ended at `now_s`.
 
-    The trace leaves a lane because the one before did with a chance of `alike`.
+    A slow one says nothing about closed ground.
     """
     new = LaneCharts(**{name: value.copy() for name, value in vars(charts).items()})
     for reach, prior in enumerate(_leaving_priors(ground)):
         _add_closing(
             use.left[reach], use.stayed[reach], use.came[reach], ground.closed, prior, kind, new.closing[reach],
-            new.closing_since[reach], new.leaving[reach], new.leaving_pending[reach], alike, number,
+            new.closing_since[reach], new.left_s[reach], new.leaving[reach], new.leaving_pending[reach], now_s, number,
         )  # fmt: skip
     moves = np.round(np.array(MOVES_M) / ground.spacing).astype(np.int64)
     priors = _place_priors(windows_of(ground))
@@ -140,7 +143,7 @@ def _place_priors(windows: Windows) -> FloatArray:
 def _add_closing(
     left: FloatArray, stayed: FloatArray, came: FloatArray, closed: npt.NDArray[np.bool_], prior: FloatArray, kind: int,
     evidence: FloatArray,
-    since: Counts, habit: FloatArray, pending: FloatArray, alike: float, number: int,
+    since: Counts, left_s: FloatArray, habit: FloatArray, pending: FloatArray, now_s: float, number: int,
 ) -> None:  # fmt: skip
     """One reach ahead of a cell."""
     n_lanes, m = evidence.shape
@@ -155,7 +158,9 @@ def _add_closing(
             b = habit[kind, k, t, 1] + LEAVING_PRIOR[0] * (1 - prior[k, t])
             share = a / (a + b)
             share = min(max(share + np.sqrt(share * (1 - share) / (a + b + 1)), LEAST_LEAVING), 0.99)
-            share += (0.99 - share) * alike
+            share += (0.99 - share) * likeness(now_s - left_s[k, t])
+            if left[k, t] > 0.5:
+                left_s[k, t] = max(left_s[k, t], now_s)
             ratio = left[k, t] * (1 - ODD_IN_CLOSED) / share + stayed[k, t] * ODD_IN_CLOSED / (1 - share)
             ratio += 0.2 * came[k, t] + 1 - users - came[k, t]
             value = evidence[k, t] + np.log(ratio)

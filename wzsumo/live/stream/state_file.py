@@ -21,7 +21,7 @@ from wzsumo.live.live_map import LiveMap, Redrawing
 from wzsumo.live.trace.recent import RecentTrace
 from wzsumo.road import Road
 
-FORMAT = 1
+FORMAT = 2
 _KINDS = {
     kind.__name__: kind
     for kind in (
