@@ -14,7 +14,7 @@ def calibration() -> str:
     return f"`{thresholds['command']}` on {thresholds['traces_per_cell']:,} traces a cell"
 
 
-def delays(interval_s: str) -> str:
+def delays(file: str, interval_s: str) -> str:
     """Traces until the first alarm after a change, beside the bound and the naive rule, at a sampling interval [s].
 
     A row a change and receiver error.
@@ -29,7 +29,7 @@ def delays(interval_s: str) -> str:
         f"| {row['kind'].replace('_', ' ')} | {row['error_m']} | {row['n']} | {row['median_traces']} / {row['p95_traces']} | "
         f"{row['missed']} | {row['right_kind']} | {bounds[_cell(row)]} | {naive.get(_cell(row), '')} | {row['size_rms_m']} | "
         f"{row['start_rms_m']} |"
-        for row in _rows("live_delays.csv")
+        for row in _rows(file)
         if float(row["interval_s"]) == float(interval_s)
     ]
     return "\n".join(lines)

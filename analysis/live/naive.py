@@ -130,12 +130,14 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=200)
     parser.add_argument("--traces", type=int, default=20_000, help="without a change, that set the numbers")
     parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--errors", type=float, nargs="+", default=[0.5, 1.0, 2.0])
+    parser.add_argument("--intervals", type=float, nargs="+", default=[1.0, 3.0])
     args = parser.parse_args()
     with (RESULTS / "live_naive.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(COLUMNS)
-        for interval in (1.0, 3.0):
-            for error in (0.5, 1.0, 2.0):
+        for interval in args.intervals:
+            for error in args.errors:
                 world = World(error=error, interval_s=interval)
                 numbers = numbers_for(world, traces=args.traces, seed=args.seed)
                 all_kinds = changes(error, interval)
