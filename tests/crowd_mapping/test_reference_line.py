@@ -50,6 +50,13 @@ def test_line_runs_as_most_vehicles_drive_even_where_the_longest_traces_run_the_
     assert np.diff(axis.reference_line[:, 0]).min() > 0
 
 
+def test_line_lies_on_the_carriageway_of_most_vehicles_though_all_longest_traces_are_of_the_other() -> None:
+    others = [straight(1000.0, y_m=30.0 + 0.3 * i, reverse=True) for i in range(8)]
+    axis = reference_line_from_traces(table(*others, *(straight(900.0, y_m=0.3 * i, start_m=50.0) for i in range(12))))
+    assert np.abs(axis.reference_line[:, 1]).max() < 5
+    assert np.diff(axis.reference_line[:, 0]).min() > 0
+
+
 def test_line_follows_a_bend_of_300_m_radius() -> None:
     axis = reference_line_from_traces(table(*(on_circle(300.0, 1.5, offset_m=d) for d in (0.0, 3.6, 3.6, 0.0))))
     inner = axis.reference_line[10:-10]

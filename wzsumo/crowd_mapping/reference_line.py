@@ -11,7 +11,7 @@ import pandas as pd
 from scipy.interpolate import make_lsq_spline
 
 from wzsumo.errors import TraceError
-from wzsumo.frames import FloatArray, arc_length
+from wzsumo.frames import FloatArray, IntArray, arc_length
 from wzsumo.road import Road
 
 # Knots far enough apart that the axis follows bends and not the lateral shifts of a work zone, which last 35 to 250 m
@@ -43,20 +43,16 @@ def reference_line_from_traces(traces: pd.DataFrame) -> Road:
     """
     by_vehicle = [xy for xy in _lines(traces) if len(xy) > 1]
     extent = np.array([float(np.hypot(*np.ptp(xy, axis=0))) for xy in by_vehicle])
-    longest = np.argsort(-extent, kind="stable")[:N_CANDIDATES]
-    if not len(extent) or extent[longest[0]] < MIN_EXTENT_M:
+    by_extent = np.argsort(-extent, kind="stable")
+    if not len(extent) or extent[by_extent[0]] < MIN_EXTENT_M:
         raise TraceError(
             f"the longest of {traces['vehicle_id'].nunique()} traces extends over {extent.max(initial=0.0):.1f} m; "
             f"a road's line needs one of at least {MIN_EXTENT_M:g} m; check that the coordinates are metres"
         )
     compared = [xy[np.unique(np.linspace(0, len(xy) - 1, N_COMPARED_FIXES).astype(int))] for xy in by_vehicle]
-    # The longest trace may be one that went elsewhere, or the wrong way: what others follow is the road.
-    axis = max(
-        (axis_of(_smooth(by_vehicle[i])) for i in longest if extent[i] > MIN_EXTENT_M),
-        key=lambda axis: _following(axis, compared)[0],
-    )
-    if _following(axis, compared)[1] < 0:
-        axis = axis_of(axis.reference_line[::-1])
+    # The longest trace may be one that went elsewhere, or the wrong way: what most others follow, driven as it is, is the road.
+    longest = [i for i in _longest_either_way(by_vehicle, by_extent) if extent[i] > MIN_EXTENT_M]
+    axis = max((axis_of(_smooth(by_vehicle[i])) for i in longest), key=lambda axis: _following(axis, compared))
     points = traces[["x_m", "y_m"]].to_numpy()[:: max(1, len(traces) // MAX_FIXES)]
     for _ in range(CENTRING_ROUNDS):
         axis = axis_of(_centred(axis, points))
@@ -70,18 +66,25 @@ def _lines(traces: pd.DataFrame) -> list[FloatArray]:
     return np.split(np.column_stack([traces["x_m"], traces["y_m"]])[order], np.flatnonzero(np.diff(code[order])) + 1)
 
 
-def _following(axis: Road, compared: list[FloatArray]) -> tuple[float, float]:
-    """(length along the axis that traces follow, how far they advance along it), both [m] and summed over the traces."""
+def _longest_either_way(by_vehicle: list[FloatArray], by_extent: IntArray) -> list[int]:
+    """The N_CANDIDATES longest traces, up to half of them driven against the very longest, where there are such."""
+    ways = np.array([xy[-1] - xy[0] for xy in by_vehicle])[by_extent]
+    against = ways @ ways[0] < 0
+    back = by_extent[against][: N_CANDIDATES // 2]
+    return [int(i) for i in (*by_extent[~against][: N_CANDIDATES - len(back)], *back)]
+
+
+def _following(axis: Road, compared: list[FloatArray]) -> float:
+    """Length [m] along the axis that traces follow in its direction, summed over the traces."""
     starts = np.cumsum([0, *(len(fixes) for fixes in compared)])
     s, d = axis.to_sd(np.vstack(compared))
     near = (np.abs(d) < MAX_FOLLOWING_OFFSET_M) & (s >= 0) & (s <= axis.length)
-    along = advance = 0.0
+    along = 0.0
     for first, end in pairwise(starts):
         beside = s[first:end][near[first:end]]
         if len(beside) > 1:
-            along += float(np.ptp(beside))
-            advance += float(beside[-1] - beside[0])
-    return along, advance
+            along += max(float(beside[-1] - beside[0]), 0.0)
+    return along
 
 
 def _smooth(trace: FloatArray) -> FloatArray:

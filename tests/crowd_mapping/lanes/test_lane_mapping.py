@@ -9,6 +9,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from wzsumo.announced_zone import AnnouncedZone
+from wzsumo.crowd_mapping.lanes import lane_mapping
 from wzsumo.crowd_mapping.lanes.lane_mapping import MappedLanes, map_lanes
 from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.frames import FloatArray
@@ -211,3 +212,14 @@ def test_queue_in_an_open_lane_is_not_taken_for_vehicles_of_the_work() -> None:
     made = map_lanes(table.assign(time_s=table["time_s"] + lost), before=before_of(closed=ZONE))
     assert made.figures["open_lanes"] == 2
     assert made.figures["odd_traces"] == []
+
+
+def test_traces_beyond_those_that_lanes_are_fitted_to_count_for_closures(monkeypatch: pytest.MonkeyPatch) -> None:
+    every = map_lanes(closing(n=60), before=before_of(closed=ZONE))
+    monkeypatch.setattr(lane_mapping, "FITTED_TRACES", 20)
+    some = map_lanes(closing(n=60), before=before_of(closed=ZONE))
+    assert middles(some) == pytest.approx(middles(every), abs=0.15)
+    assert [lane.n_traces for lane in some.lanes.lanes] == [lane.n_traces for lane in every.lanes.lanes]
+    for one, other in zip(some.lanes.lanes, every.lanes.lanes, strict=True):
+        assert one.p_open_middle == pytest.approx(other.p_open_middle, abs=0.1)
+    assert some.figures["fixes_on_free_share"] > 0.97

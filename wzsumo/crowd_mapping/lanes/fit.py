@@ -117,6 +117,13 @@ def fit_lanes(
     return replace(fit, course=replace(fit.course, sd=last.sd, shift_sd=last.shift_sd, width_sd=last.width_sd))
 
 
+def fit_of_all(fit: LaneFit, fitted: Observations, observations: Observations) -> LaneFit:
+    """What all traces say by the course and the crowd that a fit to some of them found: one E step."""
+    if len(observations.ids) == len(fitted.ids):
+        return fit
+    return _expect(observations, fit.setting, receivers_of(observations), fit.course, crowd_of(fit, fitted), roughly=False)
+
+
 def _expect_some(
     observations: Observations,
     setting: LaneSetting,

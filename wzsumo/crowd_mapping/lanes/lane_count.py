@@ -9,7 +9,7 @@ from wzsumo.crowd_mapping.lanes.closures import log_closing
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
-from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
+from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, SCOUTS, receivers_of, some_of
 from wzsumo.crowd_mapping.lanes.rival_fits import in_full, likeliest_lanes
 from wzsumo.frames import FloatArray
 
@@ -31,7 +31,7 @@ def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> tupl
 
     The numbers of lanes that are likeliest after rough fits are fitted in full. Without `off_lane` no vehicle is beside lanes.
     """
-    rough = _rough_fits(scouts_of(observations), observations, off_lane=off_lane)
+    rough = _rough_fits(some_of(observations, SCOUTS), observations, off_lane=off_lane)
     score = _with_closures(rough, observations)
     likely = [i for i in np.argsort(-score, kind="stable")[:FITTED] if score[i] > score.max() - RIVAL]
     fits = [in_full(rough[i], observations) for i in likely]

@@ -10,9 +10,10 @@ from wzsumo.crowd_mapping.cleaning.station_table import percentile_85_speed
 from wzsumo.crowd_mapping.lanes.branches import find_branches
 from wzsumo.crowd_mapping.lanes.closures import Closure, ClosurePrior, fit_closures, p_open_strips, slow_stretches
 from wzsumo.crowd_mapping.lanes.doubts import said_of_count, said_of_explained, said_of_lanes, said_of_shift, said_of_traces
-from wzsumo.crowd_mapping.lanes.fit import LaneFit
+from wzsumo.crowd_mapping.lanes.fit import LaneFit, fit_of_all
 from wzsumo.crowd_mapping.lanes.lane_count import fit_lane_count
 from wzsumo.crowd_mapping.lanes.observations import Observations, observe
+from wzsumo.crowd_mapping.lanes.receivers import some_of
 from wzsumo.crowd_mapping.lanes.road_fit import fit_to_road
 from wzsumo.crowd_mapping.lanes.witnesses import open_where_driven, share_of_fixes
 from wzsumo.crowd_mapping.map_before import MapBefore
@@ -22,6 +23,7 @@ from wzsumo.lane_map import LaneMap, MappedLane
 from wzsumo.tapers import merging_taper_m
 
 STRIPS = 8  # across a lane
+FITTED_TRACES = 400  # that lanes are fitted to
 EDGE_SD_M = 0.06  # of an edge, however many traces there are: drivers as a whole are off the lanes' middles. Chosen by us
 LEAST_EXPLAINED = 0.5  # share of the drives that lanes have to explain; else they are laid where vehicles drove
 ROAD_OFF_M = 2.5  # a larger common shift is the road's, not the receivers': their ionosphere and clocks give 2 m at most
@@ -88,15 +90,19 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
 def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit, FloatArray, list[str]]:
     """(fit, probability (lanes,) that each lane is there, what is said where lanes do not explain the drives).
 
-    Where lanes explain too little, as of one vehicle on a winding street, all drives are held to be in lanes: these then lie
+    The lanes are fitted to FITTED_TRACES at most, which tell their course to centimetres; the others are placed in them. Where
+    lanes explain too little, as of one vehicle on a winding street, all drives are held to be in lanes: these then lie
     where vehicles drove.
     """
-    fit, there = _fit_lanes(observations, before, off_lane=True)
-    driven = observations.eta > 0
+    fitted = some_of(observations, FITTED_TRACES)
+    fit, there = _fit_lanes(fitted, before, off_lane=True)
+    said: list[str] = []
+    driven = fitted.eta > 0
     explained = float(((1 - fit.burst) * (1 - fit.stray)[:, None])[driven].mean()) if driven.any() else 0.0
-    if explained >= LEAST_EXPLAINED:
-        return fit, there, []
-    return (*_fit_lanes(observations, before, off_lane=False), said_of_explained(explained))
+    if explained < LEAST_EXPLAINED:
+        fit, there = _fit_lanes(fitted, before, off_lane=False)
+        said = said_of_explained(explained)
+    return fit_of_all(fit, fitted, observations), there, said
 
 
 def _fit_lanes(observations: Observations, before: MapBefore | None, *, off_lane: bool) -> tuple[LaneFit, FloatArray]:

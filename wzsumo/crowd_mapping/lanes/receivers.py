@@ -74,12 +74,12 @@ def shares_after(class_share: FloatArray) -> FloatArray:
     return np.asarray(shares / shares.sum())
 
 
-def scouts_of(observations: Observations) -> Observations:
-    """Some of the traces, spread evenly over their places across the road: enough to try a fit, and some of each lane."""
+def some_of(observations: Observations, most: int) -> Observations:
+    """At most so many of the traces, spread evenly over their places across the road: some of each lane."""
     n = len(observations.ids)
-    if n <= SCOUTS:
+    if n <= most:
         return observations
     seen = observations.eta > 0
     place = np.array([np.median(y[ok]) if ok.any() else 0.0 for y, ok in zip(observations.offset, seen, strict=True)])
-    chosen = np.sort(np.argsort(place, kind="stable")[np.linspace(0, n - 1, SCOUTS).astype(int)])
+    chosen = np.sort(np.argsort(place, kind="stable")[np.linspace(0, n - 1, most).astype(int)])
     return observations.of(chosen)

@@ -8,7 +8,7 @@ import numpy as np
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
 from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
-from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, receivers_of, scouts_of
+from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, SCOUTS, receivers_of, some_of
 from wzsumo.crowd_mapping.lanes.rival_fits import explanations, in_full, likeliest_lanes
 from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.frames import FloatArray
@@ -39,7 +39,7 @@ def fit_to_road(observations: Observations, before: MapBefore, *, off_lane: bool
         ),
         off_lane=off_lane,
     )  # fmt: skip
-    scouts = scouts_of(observations)
+    scouts = some_of(observations, SCOUTS)
     scout_receivers = receivers_of(scouts, sigmas=SCOUT_SIGMAS_M, times=SCOUT_TIMES_S)
     courses = [np.zeros(len(observations.stations)), cumulated_course(observations)]
     starts = [course + shift for course, shift in product(courses, SHIFTS_M)]
