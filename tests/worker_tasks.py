@@ -2,6 +2,10 @@
 
 import os
 import signal
+import subprocess
+import sys
+
+_PROGRAMS: list["subprocess.Popen[bytes]"] = []  # that run on after their task
 
 
 def kill_self() -> None:
@@ -10,6 +14,16 @@ def kill_self() -> None:
 
 def divide(a: float, b: float) -> float:
     return a / b
+
+
+def start_a_program() -> int:
+    """The number of a process that holds so much memory that it takes some time to end."""
+    words = [sys.executable, "-c", "held = b'1' * 400_000_000; print(flush=True); input()"]
+    process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    process.stdout.readline()
+    _PROGRAMS.append(process)
+    return process.pid
 
 
 def compile_a_kernel(number: int) -> int:

@@ -6,6 +6,9 @@ import resource
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +68,46 @@ def test_run_that_is_terminated_leaves_no_process_and_no_file(tmp_path: Path) ->
     assert b"Traceback" not in err
     assert [path.name for path in tmp_path.rglob("*")] == ["tmp"]
     assert processes_that_name(tmp_path) == []
+
+
+MARK = "WZSUMO_TEST_OF_ENDINGS"
+
+
+def programs_of(mark: str) -> dict[int, str]:
+    """Command line by number of all processes whose environment holds a mark."""
+    found = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):  # it has just ended
+            if f"{MARK}={mark}".encode() in (entry / "environ").read_bytes().split(b"\0"):
+                found[int(entry.name)] = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
+    return found
+
+
+def wait_for(condition: Callable[[], bool], *, patience_s: float = 60.0) -> bool:
+    """Whether a condition comes true in time."""
+    until = time.monotonic() + patience_s
+    while not (holds := condition()) and time.monotonic() < until:
+        time.sleep(0.01)
+    return holds
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_nothing_of_a_sweep_runs_once_the_command_has_ended(number: signal.Signals, tmp_path: Path) -> None:
+    """After SIGKILL the workers see that it has ended, and end."""
+    study, mark = tmp_path / "study.toml", str(tmp_path)
+    study.write_text(f'name = "s"\nscenarios = ["{PAPER}"]\nmethods = ["swept"]\n[grid]\nseed = [1, 2]\n')
+    words = ("sweep", study, "--workers", "1", "--out", tmp_path / "out")
+    process = started(*words, folder=tmp_path, env=os.environ | {MARK: mark, "TMPDIR": str(tmp_path)})
+    assert wait_for(lambda: any("bin/sumo " in line for line in programs_of(mark).values()))
+    process.send_signal(number)
+    process.wait()
+    left = programs_of(mark)
+    _, err = process.communicate()
+    if number == signal.SIGTERM:
+        assert (process.returncode, left) == (143, {})
+        assert b"Traceback" not in err
+    else:
+        assert wait_for(lambda: not programs_of(mark))
 
 
 def test_what_a_killed_run_left_is_removed_by_the_next_command_that_writes_there(tmp_path: Path) -> None:

@@ -1,9 +1,10 @@
 import os
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
-from worker_tasks import compile_a_kernel, divide, kill_self
+from worker_tasks import compile_a_kernel, divide, kill_self, start_a_program
 
 from wzsumo.sweep.workers import LocalWorkers, TaskLost
 
@@ -12,10 +13,10 @@ LIMIT_S = 60.0
 
 def alive(pid: int) -> bool:
     try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
         return False
-    return True
+    return state not in "ZX"  # one that has ended, and for which the system has not waited yet
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +50,19 @@ def test_processes_end_with_the_block_even_in_the_middle_of_a_task() -> None:
     with LocalWorkers(1) as crew:
         pid = crew.start(os.getpid, limit_s=LIMIT_S).result()
         crew.start(time.sleep, 600, limit_s=LIMIT_S)
+    assert not alive(pid)
+
+
+def test_what_a_task_has_started_has_ended_with_the_block() -> None:
+    with LocalWorkers(1) as crew:
+        pid = crew.start(start_a_program, limit_s=LIMIT_S).result()
+        assert alive(pid)
+    assert not alive(pid)
+
+
+def test_what_a_task_has_started_ends_with_a_task_that_is_lost(workers: LocalWorkers) -> None:
+    pid = workers.start(start_a_program, limit_s=LIMIT_S).result()
+    assert isinstance(workers.start(kill_self, limit_s=LIMIT_S).exception(), TaskLost)
     assert not alive(pid)
 
 
