@@ -153,6 +153,23 @@ def test_sweep_whose_cases_fail_ends_with_1_and_says_that_they_can_be_tried_agai
     assert run(capsys, "sweep", study_file, "--out", tmp_path / "out")[0] == 0
 
 
+def test_sweep_all_of_whose_cases_fail_ends_with_1_and_does_not_advise_a_report(
+    study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(_fleet: bytes, _cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
+        raise RuntimeError("lost")
+
+    monkeypatch.setattr(engine, "evaluate_cases", fails)
+    code, text, err = run(capsys, "sweep", study_file, "--out", tmp_path / "out")
+    assert (code, "next:" in text) == (1, False)
+    assert err.splitlines()[-1].startswith("wzsumo: 12 of 12 cases failed; the same command tries them again")
+    code, _, err = run(capsys, "report", tmp_path / "out")
+    assert (code, err.count("\n")) == (2, 1)
+    monkeypatch.setattr(engine, "evaluate_cases", evaluate_cases)
+    code, text, _ = run(capsys, "sweep", study_file, "--out", tmp_path / "out")
+    assert (code, "next: wzsumo report" in text) == (0, True)
+
+
 def test_sweep_without_a_possible_case_ends_with_2_and_the_reason(
     study_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

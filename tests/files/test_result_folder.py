@@ -40,9 +40,6 @@ def test_damaged_file_of_a_run_is_refused_by_its_name_with_the_remedy(tmp_path: 
     path.parent.mkdir(exist_ok=True)
     DAMAGE[how](path)
     run = ResultFolder(folder=tmp_path, result={}, layout={"areas": [], "features": []})
-    if path.suffix == ".csv" and how in {"cut short", "deeply nested"}:  # any line is a table to a reader of CSV
-        READERS[name](run)
-        return
     with pytest.raises(InputError, match=path.name):
         READERS[name](run)
 
@@ -107,6 +104,46 @@ def test_layout_as_it_should_be_is_read(tmp_path: Path) -> None:
     assert run.road.length == 100
     assert run.devices["x_m"].tolist() == [1.0]
     assert (run.span, run.polygons["drivable"].area) == ((0.0, 9.0), 81.0)
+
+
+RESULT: dict[str, Any] = {"scenario": "s", "seed": 1, "version": "0.1.0", "methods": {"swept": {"planned": {}, "driven": None}}}
+
+
+def write_run(folder: Path, **changes: Any) -> ResultFolder:
+    """A run of one method that has a map, with some parts of its result changed, or left out by `...`."""
+    result = {key: value for key, value in (RESULT | changes).items() if value is not ...}
+    (folder / "maps").mkdir()
+    for name in ("traces.parquet", "maps/swept.yaml"):
+        (folder / name).write_text("x")
+    (folder / "layout.geojson").write_text(json.dumps(layout()))
+    (folder / "result.json").write_text(json.dumps(result))
+    return read_result_folder(folder)
+
+
+def test_run_with_all_that_its_result_tells_of_is_read(tmp_path: Path) -> None:
+    assert list(write_run(tmp_path, fleet=None, network={}).methods) == ["swept"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"methods": ...}, r"result\.json: methods missing; it is no result of wzsumo .*: run the scenario again"),
+        ({"scenario": ..., "seed": ...}, r"result\.json: scenario, seed missing"),
+        ({"methods": None}, r"result\.json: methods must be a JSON object, given: NoneType"),
+        ({"methods": []}, r"result\.json: methods must be a JSON object, given: list"),
+        ({"methods": {"swept": 1}}, r"result\.json: methods\.swept must be a JSON object, given: int"),
+        ({"fleet": [1]}, r"result\.json: fleet must be a JSON object, given: list"),
+        ({"methods": {"swept": {}, "lanes": {}}}, r": maps/lanes\.yaml missing; a report needs the folder that"),
+        ({"methods": {"swept": {"planned": {"a": 1}}}}, r": paths/swept\.csv missing"),
+        ({"methods": {"swept": {"driven": {"a": 1}}}}, r": drives/swept\.csv missing"),
+        ({"n_components": 2}, r": mixture_sweep\.csv, mixture\.json, samples\.csv missing"),
+    ],
+)
+def test_result_of_another_kind_or_without_what_it_tells_of_is_refused(
+    tmp_path: Path, changes: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(InputError, match=told):
+        write_run(tmp_path, **changes)
 
 
 @pytest.mark.parametrize("content", ["", "null", "[1]", "{", '{"a": ' + "[" * 50_000, '{"a": 1' + "0" * 5000 + "}"])

@@ -125,3 +125,19 @@ def test_summary_table_gives_the_means_of_the_cases(folder: Path) -> None:
 def test_report_of_a_study_without_results_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no study\.json"):
         write_sweep_report(tmp_path)
+
+
+@pytest.mark.parametrize("status", ["REFUSED", "FAILED"])
+def test_report_of_a_study_none_of_whose_cases_has_a_result_is_refused_with_the_reason(
+    status: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none_has(_fleet: bytes, cases: Sequence[StudyCase]) -> list[dict[str, Any]]:
+        if status == "FAILED":
+            raise RuntimeError("of some reason")
+        return [{"case": case.id, "status": status, "reason": "of some reason"} for case in cases]
+
+    monkeypatch.setattr(engine, "simulate", lambda _scenario: FLEET)
+    monkeypatch.setattr(engine, "evaluate_cases", none_has)
+    sweep(a_study(seed=[1, 2]), tmp_path)
+    with pytest.raises(InputError, match=r"none of its 2 cases has a result, the first because: .*of some reason; run the"):
+        write_sweep_report(tmp_path)

@@ -1,10 +1,11 @@
 import os
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from worker_tasks import compile_a_kernel, divide, kill_self, start_a_program
+from worker_tasks import compile_a_kernel, divide, kill_self, read_a_temporary_file, start_a_program
 
 from wzsumo.sweep.workers import LocalWorkers, TaskLost
 
@@ -39,6 +40,11 @@ def test_a_task_whose_process_is_killed_is_lost_and_the_next_one_is_not(workers:
 
 def test_a_task_that_raises_is_lost_with_what_it_raised(workers: LocalWorkers) -> None:
     assert str(workers.start(divide, 1, 0, limit_s=LIMIT_S).exception()) == "ZeroDivisionError: division by zero"
+
+
+def test_reason_names_no_temporary_file_so_that_reasons_can_be_counted(workers: LocalWorkers) -> None:
+    reasons = {str(workers.start(read_a_temporary_file, limit_s=LIMIT_S).exception()) for _ in range(2)}
+    assert reasons == {f"FileNotFoundError: [Errno 2] No such file or directory: '{tempfile.gettempdir()}'"}
 
 
 def test_a_task_that_hangs_is_stopped_at_its_limit(workers: LocalWorkers) -> None:

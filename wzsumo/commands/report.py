@@ -7,6 +7,7 @@ from typing import Any
 import pyarrow as pa
 
 from wzsumo.errors import InputError, reading
+from wzsumo.files.result_folder import RESULT
 from wzsumo.report.report import write_report
 from wzsumo.report.sweep_report import write_sweep_report
 from wzsumo.sweep.store import MANIFEST
@@ -22,9 +23,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     folder = args.folder
     remedy = "its files do not fit together: run the scenario or the sweep again"
     with reading(folder, error=InputError, remedy=remedy, also=(pa.ArrowException,)):
-        if (folder / MANIFEST).is_file():
+        if (folder / MANIFEST).exists():
             return {"report": str(write_sweep_report(folder))}
-        if (folder / "result.json").is_file():
+        if (folder / RESULT).exists():
             return {"report": str(write_report(folder))}
     raise InputError(f"{folder}: holds no result.json; name the --out folder of a finished `wzsumo run` or `wzsumo sweep`")
 

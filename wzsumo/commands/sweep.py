@@ -89,9 +89,11 @@ def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
         sys.stdout.write(f"{line}\n")
 
 
-def next_step(_figures: dict[str, Any], args: argparse.Namespace) -> str:
-    """The command that goes on from here."""
-    return f"wzsumo sweep {args.study} --out {args.out}" if args.dry_run else f"wzsumo report {args.out}"
+def next_step(figures: dict[str, Any], args: argparse.Namespace) -> str:
+    """The command that goes on from here; "" where there is nothing to report of."""
+    if args.dry_run:
+        return f"wzsumo sweep {args.study} --out {args.out}"
+    return f"wzsumo report {args.out}" if figures["n_done"] else ""
 
 
 def failure(figures: dict[str, Any], _args: argparse.Namespace) -> str:

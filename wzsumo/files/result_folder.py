@@ -1,7 +1,7 @@
 """ResultFolder: the files of one run, as its report reads them."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
+from wzsumo import __version__
 from wzsumo.errors import MAX_SHOWN, InputError, check_file, one_line, reading
 from wzsumo.files.geojson import collection_in_metres
 from wzsumo.files.placing import settle
@@ -28,7 +29,20 @@ from wzsumo.work_zone import DEVICE_COLUMNS, SIGN_COLUMNS, OpenLane
 
 LAYOUT = "layout.geojson"
 REMEDY = "run the scenario again"
-NEEDED_FILES = ("result.json", LAYOUT, "traces.parquet")
+RESULT = "result.json"
+NEEDED_FILES = (RESULT, LAYOUT, "traces.parquet")
+MIXTURE_FILES = ("mixture_sweep.csv", "mixture.json", "samples.csv")
+NEEDED_KEYS = ("scenario", "seed", "version", "methods")
+OBJECTS = (
+    "methods",
+    "fleet",
+    "traffic",
+    "network",
+    "drivers",
+    "slam",
+    "not_run",
+    "timings_s",
+)  # of result.json, where they are there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,13 +145,12 @@ class ResultFolder:
     @property
     def has_mixture(self) -> bool:
         """Whether a mixture was fitted to the traces, and all its files are here."""
-        return all((self.folder / name).is_file() for name in ("mixture_sweep.csv", "mixture.json", "samples.csv"))
+        return all((self.folder / name).is_file() for name in MIXTURE_FILES)
 
     @property
     def mixtures_tried(self) -> pd.DataFrame:
         """n_components, log_likelihood, aic and bic of every mixture that was fitted."""
-        with self._reading("mixture_sweep.csv"):
-            return pd.read_csv(self.folder / "mixture_sweep.csv")
+        return self._whole_table("mixture_sweep.csv")
 
     @property
     def mixture(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -151,8 +164,7 @@ class ResultFolder:
     @property
     def samples(self) -> pd.DataFrame:
         """x_m and y_m of the points drawn from the mixture."""
-        with self._reading("samples.csv"):
-            return pd.read_csv(self.folder / "samples.csv")
+        return self._whole_table("samples.csv")
 
     @cached_property
     def traffic_cells(self) -> pd.DataFrame | None:
@@ -197,11 +209,15 @@ class ResultFolder:
 
     def _table(self, name: str) -> pd.DataFrame | None:
         """The table of a CSV or Parquet file of the folder; None where there is no such file."""
+        return self._whole_table(name) if (self.folder / name).exists() else None
+
+    def _whole_table(self, name: str) -> pd.DataFrame:
+        """The table of a file. Raises InputError where it is cut: the last line of a CSV must have an end."""
         path = self.folder / name
-        if not path.exists():
-            return None
         check_file(path, error=InputError, remedy=REMEDY)  # of a folder pandas reads what is in it
         with self._reading(name):
+            if path.suffix == ".csv" and not path.read_bytes().endswith(b"\n"):
+                raise InputError(f"{path}: is cut off in its last line; {REMEDY}")
             return pd.read_csv(path) if path.suffix == ".csv" else pd.read_parquet(path)
 
     def _points(self, name: str, columns: tuple[str, ...]) -> pd.DataFrame:
@@ -218,16 +234,46 @@ class ResultFolder:
 def read_result_folder(folder: Path) -> ResultFolder:
     """The run of a result folder. Raises InputError where a file is missing or is not what it should be."""
     settle(folder)
-    missing = [name for name in NEEDED_FILES if not (folder / name).is_file()]
-    if missing:
-        raise InputError(f"{folder}: {', '.join(missing)} missing; a report needs the folder that `wzsumo run` wrote")
-    result, layout = (_json_object(folder / name) for name in ("result.json", LAYOUT))
+    _refuse_lacking(folder, NEEDED_FILES)
+    result, layout = (_json_object(folder / name) for name in (RESULT, LAYOUT))
+    _check_result(result, folder / RESULT)
+    _refuse_lacking(folder, _files_told_of(result))
     with reading(folder / LAYOUT, error=InputError, remedy=REMEDY):
         features = {feature["properties"]["name"] for feature in layout.get("features") or []}
         placed = collection_in_metres(layout)
     if not layout.get("areas") or not features >= {"drivable", "closed_area", "pavement", "reference_line"}:
         raise InputError(f"{folder / LAYOUT}: areas or features missing; run the scenario again")
     return ResultFolder(folder=folder, result=result, layout=placed)
+
+
+def _refuse_lacking(folder: Path, names: Iterable[str]) -> None:
+    """Raise InputError where the folder lacks one of these files."""
+    missing = [name for name in names if not (folder / name).exists()]
+    if missing:
+        raise InputError(f"{folder}: {', '.join(missing)} missing; a report needs the folder that `wzsumo run` wrote")
+    for name in names:
+        check_file(folder / name, error=InputError, remedy=REMEDY)
+
+
+def _check_result(result: Mapping[str, Any], path: Path) -> None:
+    """Raise InputError where an object is not the content of a run's result.json."""
+    if missing := [key for key in NEEDED_KEYS if key not in result]:
+        raise InputError(f"{path}: {', '.join(missing)} missing; it is no result of wzsumo {__version__}: {REMEDY}")
+    parts = {key: result[key] for key in OBJECTS if result.get(key) is not None}
+    if isinstance(result["methods"], dict):
+        parts |= {f"methods.{name}": figures for name, figures in result["methods"].items()}
+    for key, value in ({"methods": None} | parts).items():
+        if not isinstance(value, dict):
+            raise InputError(f"{path}: {key} must be a JSON object, given: {type(value).__name__}; {REMEDY}")
+
+
+def _files_told_of(result: Mapping[str, Any]) -> list[str]:
+    """The files that a run writes which has this result: each method has a map, its path and its drive where it has one."""
+    methods = result["methods"]
+    names = [f"maps/{name}.yaml" for name in methods]
+    for folder, key in (("paths", "planned"), ("drives", "driven")):
+        names += [f"{folder}/{name}.csv" for name, figures in methods.items() if figures.get(key)]
+    return names + (list(MIXTURE_FILES) if result.get("n_components") else [])
 
 
 def _json_object(path: Path) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from wzsumo.errors import InputError
 from wzsumo.files.output import staged_folder
 from wzsumo.report.page import embedded, page_template
 from wzsumo.report.study_answers import MEANING, factor_sentences, headline, measure_of, method_sentences
@@ -27,6 +28,9 @@ def write_sweep_report(folder: Path) -> Path:
     from wzsumo.figures.sweep_figures import write_sweep_figures  # matplotlib loads slowly, and only a report needs it
 
     study, table = read_study(folder), read_results(folder)
+    if not (table["status"] == "DONE").any():
+        reason = f", the first because: {table['reason'].iloc[0]}" if len(table) else ""
+        raise InputError(f"{folder}: none of its {len(study.cases)} cases has a result{reason}; run the sweep again")
     with staged_folder(folder, files=(PAGE,)) as stage:
         figures = embedded(write_sweep_figures(table, stage / "figures"))
         tables = study_tables(table)

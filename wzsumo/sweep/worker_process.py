@@ -5,6 +5,7 @@ It is started as any program is, not by multiprocessing: that starts a tracker o
 
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -122,7 +123,13 @@ class _ErrorsSent:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         if kind is not None:
-            self._pipe.send((False, f"{kind.__name__}: {error}"))
+            self._pipe.send((False, f"{kind.__name__}: {_without_scratch(str(error))}"))
+
+
+def _without_scratch(text: str) -> str:
+    """The text with the folder of temporary files in the place of their names, which are others each time."""
+    scratch = Path(tempfile.gettempdir())
+    return re.sub(rf"{re.escape(str(scratch))}[^\s']*", lambda _name: str(scratch.parent), text)
 
 
 def _end_with_parent(alive_handle: int) -> None:
