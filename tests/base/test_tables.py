@@ -4,7 +4,7 @@ import pytest
 from builders import straight_traces
 
 from wzsumo.errors import TraceError
-from wzsumo.tables import check_traces, refuse_endless_traces
+from wzsumo.tables import check_traces, refuse_endless_traces, some_vehicles
 
 TRACES = straight_traces([0.0, 3.5], length_m=10)
 
@@ -64,3 +64,12 @@ def test_traces_without_end_are_refused_and_single_fixes_far_away_are_not() -> N
     refuse_endless_traces(pd.concat([usual, elsewhere]), source="here")
     with pytest.raises(TraceError, match="here: the fixes of 'a' spread over 342000 km"):
         refuse_endless_traces(usual.assign(x_m=2e7 * times), source="here")
+
+
+@pytest.mark.parametrize(("most", "kept"), [(1, ["v0"]), (3, ["v0", "v3", "v6"]), (7, [f"v{i}" for i in range(7)]), (9, None)])
+def test_some_vehicles_are_taken_evenly_with_all_their_fixes(most: int, kept: list[str] | None) -> None:
+    ids = np.repeat([f"v{i}" for i in range(7)], 3)
+    table = pd.DataFrame({"vehicle_id": ids, "time_s": np.arange(21.0), "x_m": 0.0, "y_m": 0.0})
+    some = some_vehicles(table, most)
+    expected = sorted(set(ids)) if kept is None else kept
+    assert some["vehicle_id"].tolist() == [name for name in expected for _ in range(3)]

@@ -28,7 +28,9 @@ from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
+from wzsumo.tables import some_vehicles
 
+MOST_LINES = 400  # vehicles whose own lines guide a planner; more say nothing new. Chosen by us
 DEFAULT_METHOD = "lanes"  # for a map of a trace file or table
 PAPER_INFLATION_M = 0.7  # Chen et al. 2022, both mapping branches; the paper plans for a point on that map
 
@@ -111,8 +113,9 @@ def _lanes(traces: pd.DataFrame, task: MapTask) -> MadeMap:
     grid = free_witnessed_ground(grid, traces, reach_m=task.witness_reach_m)
     width = float(np.median([lane.left - lane.right for lane in made.lanes.lanes]))
     driven = lines_of_traces(
-        traces, axis=made.lanes.axis, shift_m=made.removed_shift_m, error_m=made.figures["receiver_error_m"]
-    )
+        some_vehicles(traces, MOST_LINES), axis=made.lanes.axis, shift_m=made.removed_shift_m,
+        error_m=made.figures["receiver_error_m"],
+    )  # fmt: skip
     lines = (*lines_of_lanes(made.lanes), *driven)
     return MadeMap(grid, made.figures, made.lanes, lines=lines, lane_width_m=width)
 

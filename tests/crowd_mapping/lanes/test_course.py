@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from wzsumo.crowd_mapping.lanes.course import Course, CoursePrior, _information, fit_course
+from wzsumo.crowd_mapping.lanes.course import (
+    Course,
+    CoursePrior,
+    _information,
+    _shift_information,
+    fit_course,
+    log_shift_prior,
+)
 from wzsumo.frames import FloatArray
 
 SPACING = 20.0
@@ -105,3 +112,10 @@ def test_straight_course_has_no_bends_of_noise() -> None:
     )  # fmt: skip
     assert np.abs(course.offset).max() < 0.25
     assert np.abs(np.diff(course.offset, 2)).max() < 0.03
+
+
+@pytest.mark.parametrize("shift", [0.3, 1.8, 6.0, 250.0])
+def test_weight_of_the_shift_is_the_slope_of_its_prior_over_the_shift(shift: float) -> None:
+    step = 1e-4
+    slope = (log_shift_prior(shift + step) - log_shift_prior(shift - step)) / (2 * step)
+    assert -slope / shift == pytest.approx(_shift_information(shift), rel=1e-4)

@@ -181,13 +181,17 @@ def log_prior(offset: FloatArray, prior: CoursePrior, *, shift: float, width: fl
 
 def log_shift_prior(shift: float) -> float:
     """Log prior density of the common shift [m], but for a constant."""
-    return float(np.log(sum(p * np.exp(-0.5 * (shift / sd) ** 2) / sd for p, sd in SHIFT_PRIOR)))
+    return float(np.logaddexp.reduce(_log_shift_parts(shift)))
 
 
 def _shift_information(shift: float) -> float:
     """Curvature [1/m^2] of the prior about 0: of the part of the mixture that the shift likely is of."""
-    parts = np.array([p * np.exp(-0.5 * (shift / sd) ** 2) / sd for p, sd in SHIFT_PRIOR])
-    return float((parts / [sd**2 for _, sd in SHIFT_PRIOR]).sum() / parts.sum())
+    parts = _log_shift_parts(shift)
+    return float(np.exp(parts - np.logaddexp.reduce(parts)) @ [1 / sd**2 for _, sd in SHIFT_PRIOR])
+
+
+def _log_shift_parts(shift: float) -> FloatArray:
+    return np.array([np.log(p / sd) - 0.5 * (shift / sd) ** 2 for p, sd in SHIFT_PRIOR])
 
 
 def start_shift(offset: FloatArray, prior: CoursePrior) -> float:
