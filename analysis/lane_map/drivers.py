@@ -11,25 +11,31 @@ MPH_MPS = 0.44704
 HALF_VEHICLE_WIDTH_M = 0.93
 DEVICE_GAP_M = 0.2  # that drivers keep between their side and the devices
 GRID_M = 2.0
-WANDER_M, WANDER_LENGTH_M = (0.25, 0.35), 60.0  # standard deviation by driver; correlation length
-HABIT_M = 0.15  # standard deviation of a driver's mean offset from the lane's middle
-CHANGE_M = (60.0, 110.0)  # length of a lane change
-LEAVES_AHEAD_M = 500.0  # of the taper, the earliest place at which a driver leaves a closing lane
 LATEST_IN_TAPER = 0.5  # share of the taper at which the latest driver would like to leave it
-RETURNING_SHARE = 0.5  # of the drivers go back to the lane that they came in
-RETURNS_AFTER_M = 300.0  # behind the opening, mean distance at which they begin to
 SPEED_SD, SPEED_LENGTH_M = 0.03, 300.0  # slow changes of a driver's speed
 
 
 @dataclass(frozen=True, kw_only=True)
 class Traffic:
-    """How drivers use the lanes. `lane_evenness` is the Dirichlet parameter of the lanes' shares, by seed."""
+    """How drivers use the lanes and where in them they drive.
+
+    `lane_evenness` is the Dirichlet parameter of the lanes' shares, by seed. Lengths along the road in metres: of lane changes,
+    ahead of a taper where drivers leave a closing lane at the earliest, and the mean behind it where some go back to their
+    lane. Across it: standard deviations of a driver's habit, and of the wander, by driver and correlated over `wander_along`.
+    """
 
     changes_per_km: float = 0.3
     lane_evenness: float = 4.0
     ramp_share: float = 0.3
     speed_factor: float = 1.0
     partial_share: float = 0.0  # of the vehicles, whose trips begin or end on the way
+    habit: float = 0.15
+    wander: tuple[float, float] = (0.25, 0.35)
+    wander_along: float = 60.0
+    change: tuple[float, float] = (60.0, 110.0)
+    leaves_ahead: float = 500.0
+    returning_share: float = 0.5
+    returns_after: float = 300.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,9 +59,9 @@ def drive(layout: Layout, traffic: Traffic, *, seed: int, number: int) -> Drive:
     random = np.random.default_rng([seed, number])
     s = np.arange(-20.0, layout.length + 20.0 + GRID_M, GRID_M)
     lane = int(random.choice(layout.lanes, p=lane_shares(layout, traffic, seed=seed)))
-    wander = _wander(s, random)
+    wander = _wander(traffic, s, random)
     uses_ramp = layout.ramp is not None and random.random() < traffic.ramp_share
-    d = _over_ramp(layout, s, wander, random) if uses_ramp else _through(layout, traffic, s, lane, wander, random)
+    d = _over_ramp(layout, traffic, s, wander, random) if uses_ramp else _through(layout, traffic, s, lane, wander, random)
     d = _kept_clear(layout, d, s)
     speed = layout.speed_mph * MPH_MPS * traffic.speed_factor * random.normal(0.97, 0.06)
     t = _times(s, speed, random) + 15.0 * number + random.uniform(0.0, 10.0)
@@ -72,7 +78,7 @@ def work_truck(layout: Layout, *, seed: int, number: int, stands_s: float = 300.
     closure = layout.closures[-1]
     s = np.arange(0.0, layout.length, GRID_M)
     lane = closure.last if closure.side != "right" else closure.first
-    d = layout.lane_middle(lane, s) + 0.5 * _wander(s, random)
+    d = layout.lane_middle(lane, s) + 0.5 * _wander(Traffic(), s, random)
     inside = (s > closure.at[0]) & (s < closure.at[3])
     speed = np.where(inside, 9.0, 0.9 * layout.speed_mph * MPH_MPS)
     t = np.r_[0.0, np.cumsum(GRID_M / speed[1:])]
@@ -92,23 +98,23 @@ def _through(
         now = round(float(np.interp(at, s, lanes)))
         other = now + int(random.choice([-1, 1]))
         if 0 <= other < layout.lanes and not any(
-            layout.is_blocked(other, ahead) for ahead in np.arange(at, at + LEAVES_AHEAD_M, 20.0)
+            layout.is_blocked(other, ahead) for ahead in np.arange(at, at + traffic.leaves_ahead, 20.0)
         ):
-            lanes = _changed(lanes, s, at, other, random.uniform(*CHANGE_M))
+            lanes = _changed(lanes, s, at, other, random.uniform(*traffic.change))
     for closure in sorted(layout.closures, key=lambda one: one.at[0]):
         begin = closure.at[0]
         now = round(float(np.interp(begin, s, lanes)))
         if closure.first <= now <= closure.last:
             goal = _open_lane_beside(layout, closure.first, closure.last, begin, random)
-            lanes = _left(layout, lanes, s, goal, closure.at, wander, random)
-    if layout.closures and random.random() < RETURNING_SHARE:
-        lanes = _changed(lanes, s, _returns_at(layout, random), lane, random.uniform(*CHANGE_M))
+            lanes = _left(layout, traffic, lanes, s, goal, closure.at, wander, random)
+    if layout.closures and random.random() < traffic.returning_share:
+        lanes = _changed(lanes, s, _returns_at(layout, traffic, random), lane, random.uniform(*traffic.change))
     return layout.lane_middle(lanes, s) + wander
 
 
-def _returns_at(layout: Layout, random: np.random.Generator) -> float:
+def _returns_at(layout: Layout, traffic: Traffic, random: np.random.Generator) -> float:
     """Station [m] at which a vehicle goes back to the lane that it came in, behind the end of all closures."""
-    return max(closure.at[3] for closure in layout.closures) + float(random.exponential(RETURNS_AFTER_M))
+    return max(closure.at[3] for closure in layout.closures) + float(random.exponential(traffic.returns_after))
 
 
 def _discretionary(traffic: Traffic, s: FloatArray, random: np.random.Generator) -> FloatArray:
@@ -131,6 +137,7 @@ def _open_lane_beside(layout: Layout, first: int, last: int, at: float, random: 
 
 def _left(
     layout: Layout,
+    traffic: Traffic,
     lanes: FloatArray,
     s: FloatArray,
     goal: int,
@@ -139,23 +146,23 @@ def _left(
     random: np.random.Generator,
 ) -> FloatArray:
     """Lanes (n,) of a vehicle that leaves a closing lane at a random place, earlier where the devices leave no room."""
-    length = random.uniform(*CHANGE_M) * abs(goal - round(float(np.interp(at[0], s, lanes))))
-    start = random.uniform(at[0] - LEAVES_AHEAD_M, at[0] + LATEST_IN_TAPER * (at[1] - at[0]))
+    length = random.uniform(*traffic.change) * abs(goal - round(float(np.interp(at[0], s, lanes))))
+    start = random.uniform(at[0] - traffic.leaves_ahead, at[0] + LATEST_IN_TAPER * (at[1] - at[0]))
     beside = (s >= at[0]) & (s <= at[1] + 10.0)
     while True:
         tried = _changed(lanes, s, start, goal, length)
         room = layout.room(layout.lane_middle(tried, s) + np.minimum(np.abs(wander), 0.3) * np.sign(wander), s)
-        if (room[beside] > HALF_VEHICLE_WIDTH_M + DEVICE_GAP_M).all() or start < at[0] - LEAVES_AHEAD_M:
+        if (room[beside] > HALF_VEHICLE_WIDTH_M + DEVICE_GAP_M).all() or start < at[0] - traffic.leaves_ahead:
             return tried
         start -= 10.0
 
 
-def _over_ramp(layout: Layout, s: FloatArray, wander: FloatArray, random: np.random.Generator) -> FloatArray:
+def _over_ramp(layout: Layout, traffic: Traffic, s: FloatArray, wander: FloatArray, random: np.random.Generator) -> FloatArray:
     """Offsets (n,) [m] of a vehicle that comes from or leaves by the ramp."""
     ramp = layout.ramp
     assert ramp is not None
     begin, end = ramp.span
-    length = random.uniform(*CHANGE_M)
+    length = random.uniform(*traffic.change)
     start = random.uniform(begin, end - length)
     share = smooth((s - start) / length)
     lanes = -share if ramp.leaves else share - 1.0
@@ -175,9 +182,10 @@ def _kept_clear(layout: Layout, d: FloatArray, s: FloatArray) -> FloatArray:
     return np.where(there, pushed, d)
 
 
-def _wander(s: FloatArray, random: np.random.Generator) -> FloatArray:
+def _wander(traffic: Traffic, s: FloatArray, random: np.random.Generator) -> FloatArray:
     """A driver's offset (n,) [m] from the lane's middle: a constant habit and a Gauss-Markov series about it."""
-    return HABIT_M * random.standard_normal() + random.uniform(*WANDER_M) * gauss_markov(s, WANDER_LENGTH_M, random)
+    habit = traffic.habit * random.standard_normal()
+    return habit + random.uniform(*traffic.wander) * gauss_markov(s, traffic.wander_along, random)
 
 
 def gauss_markov(at: FloatArray, scale: float, random: np.random.Generator) -> FloatArray:

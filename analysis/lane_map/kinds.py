@@ -6,8 +6,8 @@
     case.write(Path("folder"))                                  # traces.csv, road.toml, truth.geojson
 
 Each seed of a kind has its own road frame, stations, lane width and lane shares; the first of more vehicles are the same
-vehicles. `receivers` is a name in `receivers.RECEIVERS`, `faults` some of `receivers.FAULTS`. Truth: ground between the line of
-devices and the edge lines of open lanes, the open part of tapers included. Lengths in metres.
+vehicles. `receivers` is a crowd or a name in `receivers.RECEIVERS`, `faults` some of `receivers.FAULTS`. Truth: ground between
+the line of devices and the edge lines of open lanes, the open part of tapers included. Lengths in metres.
 """
 
 from collections.abc import Callable, Iterable
@@ -18,7 +18,7 @@ import pandas as pd
 from cases import Case, road_file
 from drivers import Drive, Traffic, drive, work_truck
 from layouts import Layout
-from receivers import receiver_of, reported, with_fault
+from receivers import Crowd, receiver_of, reported, with_fault
 from zone_layouts import LAYOUTS
 
 OTHER_CARRIAGEWAY_M = 12.0  # from the left edge line to the left edge line of the other direction
@@ -39,7 +39,7 @@ class Kind:
         *,
         n: int,
         seed: int,
-        receivers: str = "0.5",
+        receivers: str | Crowd = "0.5",
         faults: Iterable[str] = (),
         interval_s: float = 1.0,
         states_accuracy: bool = False,
@@ -82,7 +82,7 @@ class Kind:
             resolution_m=self.resolution_m,
         )
 
-    def _others(self, layout: Layout, n: int, receivers: str, *, interval_s: float, seed: int) -> list[pd.DataFrame]:
+    def _others(self, layout: Layout, n: int, receivers: str | Crowd, *, interval_s: float, seed: int) -> list[pd.DataFrame]:
         """Traces of the other carriageway, driven against the stations."""
         bare = Layout(alignment=layout.alignment, length=layout.length, lanes=layout.lanes, width=layout.width)
         left = layout.lanes * layout.width
@@ -100,7 +100,7 @@ def _plan_of_faults(n: int, faults: tuple[str, ...]) -> dict[int, str]:
     return {min(1 + 3 * k, n - 1 - k): fault for k, fault in enumerate(wanted)}
 
 
-def _table(driven: Drive, layout: Layout, number: int, receivers: str, *, interval_s: float, seed: int) -> pd.DataFrame:
+def _table(driven: Drive, layout: Layout, number: int, receivers: str | Crowd, *, interval_s: float, seed: int) -> pd.DataFrame:
     receiver = receiver_of(receivers, seed=seed, number=number)
     fixes = reported(driven, layout, receiver, interval_s=interval_s, seed=seed, number=number)
     columns = dict(zip(("time_s", "x_m", "y_m"), fixes.T, strict=True))

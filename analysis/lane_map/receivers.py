@@ -12,7 +12,6 @@ from layouts import Layout, smooth
 
 from wzsumo.frames import FloatArray
 
-CORRELATION_TIME_S = 40.0
 BURST_LENGTH_S, BURST_EVERY_S = 4.0, 40.0  # of heavy tails: multipath for some seconds
 
 
@@ -23,12 +22,13 @@ class Receiver:
     error: float
     constant: float = 0.50
     drifting: float = 0.45
+    drifts_s: float = 40.0  # correlation time of the drifting part
     bursts: bool = False  # for some seconds the error is drawn from Student's t with 2 degrees of freedom
 
     def errors(self, t: FloatArray, random: np.random.Generator) -> FloatArray:
         """Errors (n, 2) [m] at times t (n,) [s]."""
         white = 1.0 - self.constant - self.drifting
-        slow = np.column_stack([gauss_markov(t, CORRELATION_TIME_S, random) for _ in range(2)])
+        slow = np.column_stack([gauss_markov(t, self.drifts_s, random) for _ in range(2)])
         constant, noise = random.standard_normal(2), random.standard_normal((len(t), 2))
         error = self.error * (np.sqrt(self.constant) * constant + np.sqrt(self.drifting) * slow + np.sqrt(white) * noise)
         if self.bursts:
@@ -40,7 +40,8 @@ class Receiver:
         return np.asarray(error)
 
 
-RECEIVERS: dict[str, tuple[tuple[float, Receiver], ...]] = {
+Crowd = tuple[tuple[float, Receiver], ...]  # (share, receiver)
+RECEIVERS: dict[str, Crowd] = {
     "0": ((1.0, Receiver(error=0.0)),),
     "0.5": ((1.0, Receiver(error=0.5)),),
     "1": ((1.0, Receiver(error=1.0)),),
@@ -55,9 +56,9 @@ STRAY_M = 5.5  # one and a half lanes to the left, all the way
 HALF_CHANGE_M = 1.7
 
 
-def receiver_of(name: str, *, seed: int, number: int) -> Receiver:
-    """The receiver of vehicle `number` in a crowd with the receivers of that name."""
-    crowd = RECEIVERS[name]
+def receiver_of(receivers: str | Crowd, *, seed: int, number: int) -> Receiver:
+    """The receiver of vehicle `number` in a crowd, or in that of a name."""
+    crowd = RECEIVERS[receivers] if isinstance(receivers, str) else receivers
     drawn = np.random.default_rng([seed, number, 3]).choice(len(crowd), p=[share for share, _ in crowd])
     return crowd[int(drawn)][1]
 
