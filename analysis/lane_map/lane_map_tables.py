@@ -7,6 +7,16 @@ import pandas as pd
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 REAL = ("i80", "us101")  # roads of NGSIM
+MANY = 20  # traces, from which on drawn maps are counted apart
+WORDS = {
+    "early_100": "announced 100 m early", "early_300": "announced 300 m early", "late_100": "announced 100 m late",
+    "late_300": "announced 300 m late", "offset_1": "all positions 1 m off", "offset_1.5": "all positions 1.5 m off",
+    "offset_2": "all positions 2 m off", "road_5m_off": "road drawn 5 m off", "jump": "one trace jumps aside for 7 s",
+    "stray": "one trace 1.5 lanes aside", "half_change": "one trace begins between lanes",
+    "truck_1": "one work vehicle among them", "truck_2": "two work vehicles among them",
+    "stated": "receivers state their error", "sampled_10Hz": "ten fixes a second", "sampled_3s": "a fix in 3 s",
+    "sampled_10s": "a fix in 10 s", "sampled_30s": "a fix in 30 s",
+}  # fmt: skip
 
 
 def generated(mode: str) -> str:
@@ -49,3 +59,33 @@ def _cell(maps: pd.DataFrame) -> str:
         return ""
     least = maps["precision"].min()
     return f"{maps['precision'].median():.3f} / {maps['iou'].median():.3f} ({least:.3f}; {len(maps)})"
+
+
+def variants() -> str:
+    """Median precision / IoU (least precision; maps) of joined maps with something wrong, by what it is and kind."""
+    rows = pd.read_csv(RESULTS / "lane_map_variants.csv", dtype={"receivers": str})
+    kinds = list(rows["kind"].unique())
+    lines = [f"| what differs | {' | '.join(kinds)} |", f"|---|{'---|' * len(kinds)}"]
+    for variant, part in rows.groupby("variant", sort=False):
+        cells = [_cell(part[part["kind"] == kind]) for kind in kinds]
+        lines.append(f"| {WORDS[str(variant)]} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def drawn() -> str:
+    """Maps of inputs that are drawn in every respect: median precision and IoU, and how many are poor, by mode and code."""
+    rows = pd.read_csv(RESULTS / "lane_maps_drawn.csv")
+    many = rows["n"] >= MANY
+    lines = [
+        "| | traces | maps | precision | IoU | precision below 0.9 | IoU below 0.7 |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for (code, mode, enough), part in rows.groupby(["code", "mode", many], sort=False):
+        # A map without free ground has no precision: nothing that it frees is wrong.
+        precision, iou = part["precision"].fillna(1.0), part["iou"].fillna(0.0)
+        traces = f"{MANY} and more" if enough else f"fewer than {MANY}"
+        lines.append(
+            f"| {mode}, {code} | {traces} | {len(part)} | {precision.median():.3f} | {iou.median():.3f} | "
+            f"{(precision < 0.9).sum()} | {(iou < 0.7).sum()} |"
+        )
+    return "\n".join(lines)

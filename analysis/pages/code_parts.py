@@ -10,10 +10,13 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-# Files and folders of each part. A result may name a file or a folder of its own beside them.
+# Files and folders of each part, and files of them that are left out (-). A result may name a file or a folder beside them.
 PARTS: dict[str, tuple[str, ...]] = {
     "zone": ("wzsumo/mutcd", "wzsumo/road.py", "wzsumo/tapers.py", "wzsumo/work_zone.py"),
-    "traffic": ("wzsumo/simulation", "wzsumo/capacity.py", "wzsumo/traffic.py"),
+    "traffic": (  # without what places an ego in it
+        "wzsumo/simulation", "-wzsumo/simulation/ego_bodies.py", "-wzsumo/simulation/session.py", "wzsumo/capacity.py",
+        "wzsumo/traffic.py",
+    ),
     "sensing": ("wzsumo/sensing", "wzsumo/scan.py"),
     "lane map": (
         "wzsumo/crowd_mapping/cleaning", "wzsumo/crowd_mapping/lanes", "wzsumo/crowd_mapping/reference_line.py",
@@ -22,7 +25,10 @@ PARTS: dict[str, tuple[str, ...]] = {
     "mixture map": ("wzsumo/crowd_mapping/mixture", "wzsumo/crowd_mapping/map_before.py"),
     "LiDAR map": ("wzsumo/lidar_mapping",),
     "plan": ("wzsumo/planning", "wzsumo/path.py", "wzsumo/vehicle.py"),
-    "drive": ("wzsumo/behaviour", "wzsumo/control", "wzsumo/ego.py"),
+    "drive": (
+        "wzsumo/behaviour", "wzsumo/control", "wzsumo/ego.py", "wzsumo/simulation/ego_bodies.py",
+        "wzsumo/simulation/session.py",
+    ),
     "case": ("wzsumo/case", "wzsumo/scenario"),
     "metrics": ("wzsumo/metrics",),
     "live map": (  # what decides an alarm; not the folder that keeps it (wzsumo/live/stream)
@@ -45,10 +51,11 @@ def fingerprint(part: str, *, commit: str | None = None) -> str:
     Comments, docstrings, blank lines and the order of keys do not count. Raises LookupError where there is no such file.
     """
     names = PARTS.get(part, (part,))
+    left_out = {name[1:] for name in names if name.startswith("-")}
     digest, n_files = hashlib.sha256(), 0
-    for name in names:
+    for name in (name for name in names if not name.startswith("-")):
         files = _files_there(name) if commit is None else _files_at(name, commit)
-        for path, text in files:
+        for path, text in (file for file in files if file[0] not in left_out):
             digest.update(f"{path}\n{_meaning(path, text)}\n".encode())
             n_files += 1
     if not n_files:
