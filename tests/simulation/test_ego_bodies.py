@@ -33,14 +33,14 @@ def test_ego_in_the_middle_of_its_lane_has_one_body_as_wide_as_the_ego_with_its_
     (body,) = bodies(1.5 * LANE)
     assert (body.lane, body.edge, body.lane_on_edge) == (1, EDGES[0].id, 1)
     assert body.front == pytest.approx([100.0 + CAR.axle_to_bumper_m, 1.5 * LANE, 0.0])
-    assert body.width == pytest.approx(CAR.width_m + 2 * 0.3)
+    assert body.width == pytest.approx(CAR.width_m + 2 * 0.5)
 
 
 @pytest.mark.parametrize("over_m", [0.1, 0.4])
 def test_ego_over_the_line_to_the_right_has_a_body_there_with_its_clearance(over_m: float) -> None:
     own, body = bodies(LANE + CAR.width_m / 2 - over_m)
     assert (own.lane, body.lane) == (1, 0)
-    width = max(over_m + 0.3 - WITHIN, 0.1)
+    width = max(over_m + 0.5 - WITHIN, 0.1)
     assert body.width == pytest.approx(width)
     assert body.front[:2] == pytest.approx([100.0 + CAR.axle_to_bumper_m, LANE - WITHIN - width / 2])
 
@@ -48,13 +48,13 @@ def test_ego_over_the_line_to_the_right_has_a_body_there_with_its_clearance(over
 def test_ego_over_the_line_to_the_left_has_a_body_there() -> None:
     own, body = bodies(2 * LANE - CAR.width_m / 2 + 0.4)
     assert (own.lane, body.lane) == (1, 2)
-    assert body.front[1] == pytest.approx(2 * LANE + (WITHIN + 0.4 + 0.3) / 2)
+    assert body.front[1] == pytest.approx(2 * LANE + (WITHIN + 0.4 + 0.5) / 2)
 
 
 def test_ego_whose_clearance_alone_reaches_over_the_line_has_a_body_there_too() -> None:
     own, body = bodies(LANE + CAR.width_m / 2 + 0.1)
     assert (own.lane, body.lane) == (1, 0)
-    assert body.width == pytest.approx(0.1)
+    assert body.width == pytest.approx(0.5 - 0.1 - WITHIN)
 
 
 @pytest.mark.parametrize(("y", "lane"), [(LANE + CAR.width_m / 2 - 0.6, 0), (2 * LANE - CAR.width_m / 2 + 0.6, 2)])
@@ -116,25 +116,25 @@ def test_turned_ego_reaches_over_with_its_corner() -> None:
     _, body = bodies(1.5 * LANE, heading=np.deg2rad(20))
     # Front left corner: 3.72 sin 20 + 0.93 cos 20 = 2.146 m to the left of the axle, the line is 1.829 m off.
     assert body.lane == 2
-    assert body.width == pytest.approx(2.146 - LANE / 2 + 0.3 - WITHIN, abs=0.002)
+    assert body.width == pytest.approx(2.146 - LANE / 2 + 0.5 - WITHIN, abs=0.002)
 
 
-@pytest.mark.parametrize("turned", [0.07, -0.07])
+@pytest.mark.parametrize("turned", [0.04, -0.04])
 def test_body_of_a_turned_ego_is_as_wide_as_its_corners_reach(turned: float) -> None:
     (body,) = bodies(LANE / 2 - 1.3 * np.sin(turned), heading=turned)
     # Front to rear corners across the lane: L sin + w cos.
     across = CAR.length_m * np.sin(abs(turned)) + CAR.width_m * np.cos(turned)
-    assert body.width == pytest.approx(across + 2 * 0.3)
+    assert body.width == pytest.approx(across + 2 * 0.5)
 
 
 @pytest.mark.parametrize(("reach_m", "lanes"), [(0.019, [1]), (0.021, [1, 0])])
 def test_ego_that_reaches_less_than_2_cm_into_another_lane_with_its_clearance_has_no_body_there(
     reach_m: float, lanes: list[int]
 ) -> None:
-    assert lanes_of(bodies(LANE + CAR.width_m / 2 + 0.3 - reach_m)) == lanes
+    assert lanes_of(bodies(LANE + CAR.width_m / 2 + 0.5 - reach_m)) == lanes
 
 
-@pytest.mark.parametrize(("over_m", "width_m"), [(0.49, 0.49 + 0.3 - WITHIN), (0.51, LANE - MARGIN - 2 * WITHIN)])
+@pytest.mark.parametrize(("over_m", "width_m"), [(0.49, 0.49 + 0.5 - WITHIN), (0.51, LANE - MARGIN - 2 * WITHIN)])
 def test_ego_takes_all_of_a_lane_once_it_reaches_more_than_half_a_metre_into_it(over_m: float, width_m: float) -> None:
     _, body = bodies(LANE + CAR.width_m / 2 - over_m)
     assert body.width == pytest.approx(width_m)
@@ -146,8 +146,8 @@ def test_ego_takes_all_of_a_lane_once_it_reaches_more_than_half_a_metre_into_it(
     ids=["too narrow to pass", "wide enough to pass"],
 )
 def test_ego_takes_all_of_its_lane_where_it_leaves_more_than_one_and_a_half_metres_free(free_m: float, width_m: float) -> None:
-    # Its clearance of 0.3 m on the right ends that far from the lane's right line.
-    body = bodies(LANE + free_m + 0.3 + CAR.width_m / 2)[0]
+    # Its clearance of 0.5 m on the right ends that far from the lane's right line.
+    body = bodies(LANE + free_m + 0.5 + CAR.width_m / 2)[0]
     assert body.lane == 1
     assert body.width == pytest.approx(width_m)
 

@@ -22,8 +22,8 @@ from wzsumo.vehicle import VehicleGeometry
 EGO_ID = "wzsumo.ego"  # of its vehicle, vType and route, which a network's own demand must not bear
 EMERGENCY_DECEL_MPS2 = 9.0  # what tyres give on a dry road; SUMO's default for cars
 # By how much the ego's bodies are wider than the ego on either side: SUMO's drivers keep no lateral gap to a vehicle that
-# moveToXY placed. Chosen by us.
-SIDE_CLEARANCE_M = 0.3
+# moveToXY placed, move 0.1 m aside in a step, and corners of turned vehicles reach farther. Chosen by us.
+SIDE_CLEARANCE_M = 0.5
 # keepRoute of moveToXY (SUMO docs, TraCI): 2 puts the body exactly at the given place, 1 counts it to a lane of its route.
 # Without the 1 SUMO looks for a lane that runs past the point. On the outer side of a kink between two edges there is none:
 # SUMO then counts the body to no lane or to a wrong one, and SUMO 1.28 has crashed in the next step.

@@ -203,6 +203,17 @@ def test_street_that_turns_at_a_corner_is_a_lane_where_one_vehicle_drove() -> No
     assert made.figures["odd_traces"] == []
 
 
+def test_lanes_laid_through_poor_drives_that_no_lanes_explain_are_in_doubt() -> None:
+    """Ten vehicles of poor receivers, three of which leave by a ramp behind 900 m."""
+    table = crowd(lanes=2, n=10, length_m=1500.0, error_m=4.0, seed=3)
+    number = table["vehicle_id"].str[1:].astype(int)
+    drift = 3.0 * np.sin(table["x_m"] / 150.0 + 2.1 * number)
+    away = np.where(number % 3 == 0, 0.1 * np.clip(table["x_m"] - 900.0, 0, None), 0.0)
+    made = map_lanes(table.assign(y_m=table["y_m"] + drift - away))
+    assert any(word.startswith("lanes explain") for word in made.figures["warnings"])
+    assert max(lane.p_open.max() for lane in made.lanes.lanes) < 0.804
+
+
 def test_queue_in_an_open_lane_is_not_taken_for_vehicles_of_the_work() -> None:
     """Half of ten crawl through the announced zone at 3 m/s, in both lanes: a work vehicle is slow alone."""
     table = crowd(n=10, length_m=1500.0)
