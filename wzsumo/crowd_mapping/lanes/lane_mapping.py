@@ -101,8 +101,8 @@ def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit,
     explained = float(((1 - fit.burst) * (1 - fit.stray)[:, None])[driven].mean()) if driven.any() else 0.0
     if explained < LEAST_EXPLAINED:
         fit, there = _fit_lanes(fitted, before, off_lane=False)
-        # Where most receivers err by half a lane and more, lanes through all drives lie anywhere: nobody knows.
-        there = there * (1 + ((fit.sigma < fit.course.width / 2) & (fit.stray < 0.5)).mean()) / 2
+        if before is None:  # nothing but the receivers tells where such lanes lie; half a lane off, nobody knows
+            there = there * (1 + ((fit.sigma < fit.course.width / 2) & (fit.stray < 0.5)).mean()) / 2
         said = said_of_explained(explained)
     return fit_of_all(fit, fitted, observations), there, said
 
