@@ -86,7 +86,7 @@ def conduct_of_states() -> str:
         "A, drives of C (`lanes`)": of["A"].loc[of["A"].index.isin(of["C"].index)],
         "B, drives of C": of["B"].loc[of["B"].index.isin(of["C"].index)], "C": of["C"],
     }  # fmt: skip
-    chosen |= {f"D, `{method}`": part for method, part in of["D"].groupby(level="method")}
+    chosen |= {f"{state}, `{method}`": part for state in "DE" for method, part in of[state].groupby(level="method")}
     titles = (
         "n", "reached", "clean", "bound", "also at most 4 m/s² behind", "over a line, mean / worst", "braking m/s²",
         "of the one behind", "asked of it", "jerk m/s³", "off the middle m", "SDLP m, worst", "drives with spare lane changes",
@@ -112,7 +112,7 @@ def conduct_of_states() -> str:
 def conduct_summary() -> str:
     """How many drives of the present state were clean, in a sentence."""
     rows = pd.read_csv(RESULTS / "conduct.csv")
-    rows = rows[rows["code"] == "D"]
+    rows = rows[rows["code"] == "E"]
     told = []
     for method, part in rows.groupby("method"):
         n, n_clean = len(part), int(part["clean"].astype(bool).sum())

@@ -25,6 +25,7 @@ from receivers import Crowd, Receiver
 
 COUNTS = (5, 10, 20, 30, 50, 100, 200)
 KEPT = ("precision", "recall", "iou", "fixes_on_free", "ece", "ece_unsure", "cpu_s", "error")
+SHORT_M = 1000.0
 FEW = 20  # traces, below which maps are counted apart
 
 
@@ -64,6 +65,8 @@ def drawn_case(seed: int, *, joined: bool) -> tuple[Case, dict[str, Any]]:
     receivers, traffic = _receivers(random), _traffic(random)
     offset = float(random.uniform(-2.2, 2.2)) if random.random() < 0.4 else 0.0
     told = float(random.choice([-300.0, -100.0, 100.0, 300.0])) if random.random() < 0.4 else 0.0
+    length_m = KINDS[kind].layout(np.random.default_rng([seed + 5000, 99])).length
+    told = told if length_m > SHORT_M else 0.0  # on a short road the zone would be announced beyond its end
     fault = str(random.choice(["jump", "stray", "half_change"])) if random.random() < 0.25 else ""
     states = bool(random.random() < 0.3)
     case = replace(KINDS[kind], traffic=traffic).case(

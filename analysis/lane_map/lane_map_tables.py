@@ -55,10 +55,16 @@ def _table(rows: pd.DataFrame, keys: list[str], *, header: str, title: Callable[
 
 
 def _cell(maps: pd.DataFrame) -> str:
+    """Medians, the least precision and the number of maps; of files that were refused, how many."""
     if maps.empty:
         return ""
-    least = maps["precision"].min()
-    return f"{maps['precision'].median():.3f} / {maps['iou'].median():.3f} ({least:.3f}; {len(maps)})"
+    made = maps[maps["iou"].notna()]
+    refused = [f"{len(maps) - len(made)} refused"] if len(made) < len(maps) else []
+    if made.empty:
+        return refused[0]
+    precision = made["precision"].fillna(1.0)  # without free ground nothing that is free is wrong
+    counts = "; ".join([f"{precision.min():.3f}", str(len(made)), *refused])
+    return f"{precision.median():.3f} / {made['iou'].median():.3f} ({counts})"
 
 
 def variants() -> str:
