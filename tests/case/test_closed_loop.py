@@ -150,7 +150,7 @@ def test_ego_waits_to_enter_while_it_would_have_to_brake_hard_for_one_ahead_and_
 def test_drivers_are_shown_the_ego_as_wide_as_it_is_with_its_clearance_at_every_step_of_theirs(watched: Watched) -> None:
     assert len(watched.bodies) == pytest.approx(len(watched.run.log) / 2, abs=1)
     for (body,) in watched.bodies[:100]:  # in the middle of its lane
-        assert body.width == pytest.approx(1.86 + 2 * 0.3, abs=0.01)
+        assert body.width == pytest.approx(1.86 + 2 * 0.5, abs=0.01)
 
 
 def test_ego_gets_twenty_commands_a_second_and_looks_around_ten_times(watched: Watched) -> None:
