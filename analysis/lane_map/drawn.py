@@ -10,7 +10,6 @@ many maps are below a precision of 0.9 and an IoU of 0.7, by mode and number of 
 
 import argparse
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,13 +19,13 @@ import pandas as pd
 from cases import Case
 from drivers import Traffic
 from kinds import KINDS
+from lane_map_tables import table_of_drawn
 from measure import row_of
 from receivers import Crowd, Receiver
 
 COUNTS = (5, 10, 20, 30, 50, 100, 200)
 KEPT = ("precision", "recall", "iou", "fixes_on_free", "ece", "ece_unsure", "cpu_s", "error")
 SHORT_M = 1000.0
-FEW = 20  # traces, below which maps are counted apart
 
 
 def main() -> None:
@@ -46,8 +45,9 @@ def main() -> None:
                 row = drawn_map(seed, joined=mode == "joined")
                 pd.DataFrame([row]).to_csv(path, mode="a", header=not path.exists(), index=False)
                 print(*(row[key] for key in ("seed", "mode", "kind", "n", "precision", "iou")), file=sys.stderr)
-    for line in shares(pd.read_csv(path)):
-        print(line)
+    rows = pd.read_csv(path)
+    failed = rows["error"].notna()  # counts as wrong all over
+    print(table_of_drawn(rows.assign(code="now", precision=rows["precision"].mask(failed, 0.0))))
 
 
 def drawn_map(seed: int, *, joined: bool) -> dict[str, Any]:
@@ -101,18 +101,6 @@ def _traffic(random: np.random.Generator) -> Traffic:
         leaves_ahead=float(random.choice([100.0, 300.0, 800.0, 1500.0])), returning_share=float(random.uniform(0.0, 1.0)),
         returns_after=float(random.choice([50.0, 300.0, 800.0])),
     )  # fmt: skip
-
-
-def shares(rows: pd.DataFrame) -> Iterator[str]:
-    """A line a mode and size of crowd: maps, median precision and IoU, and how many are below 0.9 and 0.7."""
-    for (mode, many), part in rows.groupby(["mode", rows["n"] >= FEW], sort=False):
-        # A map without free ground has no precision: nothing that it frees is wrong.
-        precision, iou = part["precision"].fillna(1.0).mask(part["error"].notna(), 0.0), part["iou"].fillna(0.0)
-        traces = f"{FEW} traces and more" if many else f"fewer than {FEW} traces"
-        yield (
-            f"{mode}, {traces}: {len(part)} maps, precision {precision.median():.3f}, IoU {iou.median():.3f}; "
-            f"precision below 0.9: {(precision < 0.9).sum()}, IoU below 0.7: {(iou < 0.7).sum()}"
-        )
 
 
 if __name__ == "__main__":

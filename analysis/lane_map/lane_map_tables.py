@@ -1,4 +1,4 @@
-"""The tables of docs/results/lane_maps.md from lane_maps.csv."""
+"""The tables of docs/results/lane_maps.md from their data files."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -79,8 +79,12 @@ def variants() -> str:
 
 
 def drawn() -> str:
+    """The table of lane_maps_drawn.csv."""
+    return table_of_drawn(pd.read_csv(RESULTS / "lane_maps_drawn.csv"))
+
+
+def table_of_drawn(rows: pd.DataFrame) -> str:
     """Maps of inputs that are drawn in every respect: median precision and IoU, and how many are poor, by mode and code."""
-    rows = pd.read_csv(RESULTS / "lane_maps_drawn.csv")
     many = rows["n"] >= MANY
     lines = [
         "| | traces | maps | precision | IoU | precision below 0.9 | IoU below 0.7 |",

@@ -19,9 +19,8 @@ import numpy as np
 from wzsumo.announced_zone import AnnouncedZone
 from wzsumo.frames import BoolArray, FloatArray
 
-MERGE_LENGTH_M = (
-    400.0  # ahead of a closure and behind it, in which drivers leave and enter the lane. Learned from our generator
-)
+# Ahead of a closure and behind it, in which drivers leave and enter the lane. Learned from our generator
+MERGE_LENGTH_M = 400.0
 P_ANNOUNCEMENT_RIGHT = 0.8  # that a zone is announced where it is, but for the stated deviation; otherwise it is anywhere
 USABLE_TAPER_SHARE = 0.69  # of a taper: there 1.13 m of a 12 ft lane are left, too little for half a car and its wander
 DOWNSTREAM_TAPER_M = 30.0  # MUTCD 11th ed., Table 6B-3: 50 to 100 ft a lane

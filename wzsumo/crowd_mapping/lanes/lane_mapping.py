@@ -90,7 +90,7 @@ def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> Mappe
 def _fit(observations: Observations, before: MapBefore | None) -> tuple[LaneFit, FloatArray, list[str]]:
     """(fit, probability (lanes,) that each lane is there, what is said where lanes do not explain the drives).
 
-    The lanes are fitted to FITTED_TRACES at most, which tell their course to centimetres; the others are placed in them. Where
+    The lanes are fitted to FITTED_TRACES at most, which tell their course to some 6 cm; the others are placed in them. Where
     lanes explain too little, as of one vehicle on a winding street, all drives are held to be in lanes: these then lie
     where vehicles drove.
     """
