@@ -1,4 +1,4 @@
-"""Puts the files of a finished result in their place, all or none: a kill in between is made good by whoever comes next.
+"""Puts the files of a finished result in their place, all or none: the next command mends what a kill left.
 
 A finished stage gets another name first, in one step. From then on its files are the result: who is killed while they move
 leaves that name, and the next command that reads the folder or writes to it moves the rest.

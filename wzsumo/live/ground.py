@@ -13,7 +13,7 @@ from wzsumo.lane_map import LaneMap, MappedBranch
 CELL_M = 25.0  # a lane change takes 60 m and more; a vehicle that reports each second leaves a fix in every cell
 MAX_CELLS = 400  # on longer roads cells are longer
 MAX_LANES = 8
-GATE_M = 100.0  # behind where a branch is clear of the lanes, over which it is seen who takes it
+GATE_M = 100.0  # behind where a branch is clear of the lanes, over which a trace shows that its vehicle takes it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -104,7 +104,7 @@ def _as_it_stands(raw: pd.DataFrame, found: dict[str, Column]) -> pd.DataFrame:
 
 
 def _refuse_two_of_one_name(raw: pd.DataFrame, found: dict[str, Column], *, source: str) -> None:
-    """Raise TraceError where a column that is used has a second one of its name with other values: who knows which is meant."""
+    """Raise TraceError where a column that is used has a second one of its name with other values."""
     for column in found.values():
         for other in of_the_same_name(column.name, list(raw.columns)):
             if not raw[other].equals(raw[column.name]):
