@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 import shapely
-from builders import interior_layout, paper_layout
+from builders import interior_layout, paper_layout, paper_road, paper_work_zone
 
 from wzsumo.errors import SpecError
+from wzsumo.mutcd.layout import lay_out
 from wzsumo.mutcd.other_states import with_devices_pushed, with_road_closed, without_zone
 
 LANE_M = 12 * 0.3048
@@ -36,10 +37,11 @@ def test_closed_road_has_devices_across_it_between_which_no_car_fits_and_no_driv
         with_road_closed(layout, 9000.0)
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_pushed_devices_stand_in_the_lane_beside_and_its_line_goes_round_them(side: str) -> None:
-    lanes = {"left": (2,), "right": (0,)}[side]
-    layout = paper_layout(closed_lanes=lanes, closed_shoulder=side, shift_ft=0, shifted_lane_width_ft=None)
+@pytest.mark.parametrize(("side", "n_lanes"), [("left", 3), ("right", 3), ("left", 2), ("right", 2)])
+def test_pushed_devices_stand_in_the_lane_beside_and_its_line_goes_round_them(side: str, n_lanes: int) -> None:
+    lanes = {"left": (n_lanes - 1,), "right": (0,)}[side]
+    road = paper_road(lane_count=n_lanes)
+    layout = lay_out(paper_work_zone(closed_lanes=lanes, closed_shoulder=side, shift_ft=0, shifted_lane_width_ft=None), road)
     first = layout.area("activity area").start + 20.0
     pushed = with_devices_pushed(layout, first, first + 60.0, by=1.0)
     sign = -1.0 if side == "left" else 1.0
@@ -53,7 +55,7 @@ def test_pushed_devices_stand_in_the_lane_beside_and_its_line_goes_round_them(si
         [float(q.left(first + 30.0) - q.right(first + 30.0)) for q in of.lanes if q.end == of.road.length and q.start == 0]
         for of in (layout, pushed)
     ]
-    assert sorted(np.subtract(widths[0], widths[1])) == pytest.approx([0.0, 1.0])
+    assert sorted(np.subtract(widths[0], widths[1])) == pytest.approx([0.0] * (n_lanes - 2) + [1.0])
     assert pushed.drivable.area == pytest.approx(layout.drivable.area - 60.0 - 15.0, abs=0.5)
     touching = shapely.intersects(shapely.buffer(pushed.drivable, -0.05), pushed.device_outlines)
     assert not touching.any()

@@ -65,7 +65,7 @@ def with_devices_pushed(layout: WorkZoneLayout, first: float, last: float, *, by
     if strip is None or len(layout.closed_strips) > 1:
         raise SpecError(f"no closed side along {first:.0f} to {last:.0f} m whose devices could be pushed")
     middle = (first + last) / 2
-    on_left = float(strip.right(middle)) > layout.road.own_width / 2
+    on_left = float(strip.right(middle) + strip.left(middle)) > layout.road.own_width
     ahead, behind = first - RAMP_M, last + RAMP_M
 
     def pushed(line: Profile) -> Profile:
