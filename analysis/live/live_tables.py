@@ -45,11 +45,13 @@ def naive_rules() -> str:
 def young() -> str:
     """Alarms of young maps on SUMO's drivers, a row an age and receiver error."""
     lines = [
-        "| map of | error [m] | hours | alarms in the first 300 traces | alarms later | kinds |", "|---|---|---|---|---|---|",
+        "| map of | error [m] | hours | alarms in the first 300 traces | alarms later | kinds | mended the map |",
+        "|---|---|---|---|---|---|---|",
     ]  # fmt: skip
     lines += [
         f"| {row['mapped_traces']} traces | {row['error_m']} | {row['runs']} | "
-        f"{row['young_alarms']} in {row['young_traces']} | {row['later_alarms']} in {row['later_traces']} | {row['by_kind']} |"
+        f"{row['young_alarms']} in {row['young_traces']} | {row['later_alarms']} in {row['later_traces']} | {row['by_kind']} | "
+        f"{row['mended']} |"
         for row in _rows("live_young.csv")
     ]
     return "\n".join(lines)

@@ -1,5 +1,7 @@
 """The pieces of the charts against closed forms and slow twins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from scipy.stats import norm
 
 from wzsumo.live.charts.evidence import bounded, likeness
 from wzsumo.live.charts.findings import Family
+from wzsumo.live.charts.passing_charts import add_passage, first_passing_charts, silence
 from wzsumo.live.charts.shape_charts import _pair
 from wzsumo.live.charts.thresholds import calibrated_thresholds
 from wzsumo.live.ground import ground_of
@@ -99,9 +102,22 @@ def test_an_error_by_a_lane_towards_closed_ground_says_nothing_of_receivers(
 
 def test_a_vehicle_does_as_the_one_before_with_a_chance_of_a_half_that_fades_with_the_gap() -> None:
     assert likeness(0.0) == pytest.approx(0.5)
-    assert likeness(5.0) == pytest.approx(0.5 / np.e)
-    assert likeness(60.0) < 1e-5
+    assert likeness(2.0) == pytest.approx(0.5 / np.e)
+    assert likeness(30.0) < 1e-6
     assert likeness(float("nan")) == 0.0
+
+
+def test_gaps_between_platoons_are_no_silence_but_one_that_is_many_times_longer_is() -> None:
+    """Eight vehicles 1.2 s apart, then an exponential gap of 20 s more: of 1,000 gaps the longest is some 7 of them."""
+    ground, random = ground_of(two_lane_map()), np.random.default_rng(5)
+    trace, charts, now_s, silent = reading(ground, 0, lane=np.zeros_like), first_passing_charts(ground), 0.0, []
+    for number in range(8_000):
+        now_s += 1.2 if number % 8 else 1.2 + random.exponential(20.0)
+        charts = add_passage(charts, replace(trace, end_s=now_s), ground, number=number)
+        silent.append(charts.silent)
+    assert max(silent) < 14.0
+    assert np.mean([one for one in silent if one > 0]) == pytest.approx(1.0, abs=0.15)
+    assert silence(charts, now_s + 20.0 * 40) > 20.0
 
 
 def test_first_receivers_err_by_one_and_a_half_metres() -> None:

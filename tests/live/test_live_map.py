@@ -81,13 +81,16 @@ def test_a_platoon_that_steps_aside_as_a_whole_is_no_change_but_as_many_vehicles
     assert apart[0].change.kind is Kind.SHIFTED
 
 
-def test_a_platoon_that_leaves_its_lane_says_less_for_a_closed_lane_than_vehicles_apart() -> None:
+def test_a_platoon_that_leaves_its_lane_is_no_change_but_as_many_vehicles_apart_are_one() -> None:
     live, _ = driven(live_map(two_lane_map(closed=False)), range(100), keeps_lane)
-    evidence = []
-    for apart_s in (1.5, 40.0):
-        after, _ = leaving(live, 100, apart_s=apart_s, driver=lambda n: merges_at(2 * n, by_m=800.0))
-        evidence.append(float(after.lanes.closing[:, 1].max()))
-    assert evidence[0] < 0.6 * evidence[1]
+
+    def leaves(number: int) -> Callable[[FloatArray], FloatArray]:
+        return merges_at(2 * number, by_m=800.0)
+
+    _, together = leaving(live, 100, apart_s=1.5, driver=leaves)
+    assert together == []
+    _, apart = leaving(live, 100, apart_s=8.0, driver=leaves)
+    assert apart[0].change.kind is Kind.LANE_CLOSED
 
 
 def test_a_lane_that_is_closed_is_named_and_drawn_closed() -> None:

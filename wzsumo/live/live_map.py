@@ -13,7 +13,7 @@ from wzsumo.lane_map import LaneMap
 from wzsumo.live.ageing import HALF_LIFE_S, Witnesses, aged_lanes, first_witnesses, with_witness
 from wzsumo.live.alarms import Alarm, Change, Kind
 from wzsumo.live.charts.evidence import likeness
-from wzsumo.live.charts.findings import Family, Finding, loudest
+from wzsumo.live.charts.findings import Family, Finding, loudest, loudest_evidence
 from wzsumo.live.charts.lane_charts import LaneCharts, add_use, first_lane_charts
 from wzsumo.live.charts.passing_charts import PassingCharts, add_passage, first_passing_charts
 from wzsumo.live.charts.restart import restarted_lanes, restarted_passing, restarted_shape
@@ -111,6 +111,8 @@ def findings(live: LiveMap) -> dict[Family, Finding]:
 
 def over_threshold(live: LiveMap) -> list[Finding]:
     """The findings that are beyond their thresholds, the farthest first."""
+    if loudest_evidence(live.shape, live.lanes, live.passing) <= LEAST_NATS:
+        return []
     thresholds, error = calibrated_thresholds(), live.error_m
     found = findings(live)
     beyond = {  # no threshold is below LEAST_NATS

@@ -17,8 +17,9 @@ import numpy as np
 
 SHOWN_SHARE = 0.95  # r: of traces that show a change that is there
 ODD_SHARE = 0.02  # q: of traces that seem to show one that is not
-ALIKE = 0.5  # chance that a vehicle right behind another one does as that one does. Chosen by us, as is the time
-PLATOON_S = 5.0  # in which it fades: headways up to 3 s are those of followers (HCM 6th ed., ch. 15)
+ALIKE = 0.5  # chance that a vehicle right behind another one does as that one does, and the time in which it fades: of
+PLATOON_S = 2.0  # SUMO's drivers at most 0.3 (1 to 2 s behind), 0.1 (2 to 4 s) and none beyond do so
+FOLLOWER_S = 3.0  # headways up to which a vehicle follows the one ahead (HCM 6th ed., ch. 15): it belongs to its platoon
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

@@ -19,7 +19,7 @@ from wzsumo.live.trace.lane_use import LaneUse, Windows, windows_of
 ODD_IN_CLOSED = 0.03  # of users of a lane that seem to stay in it although it closes
 LEAVING_PRIOR = (4.0, 0.15)  # traces' worth, and share of users that leave a lane over the reach, before any is seen
 USING_PRIOR = (0.3, 29.7)  # that drive on closed ground, and that do not
-LEAST_LEAVING, LEAST_USING = 0.12, 0.006  # shares below which no habit is trusted
+LEAST_LEAVING, LEAST_USING = 0.06, 0.006  # shares below which no habit is trusted
 MOVES_M = (-300.0, -100.0, -50.0, 50.0, 100.0, 300.0)  # of an end, along the road
 TAKE_UPS = (0.08, 0.2, 0.5)  # of vehicles that drive in a lane that is open again
 PLACE_PRIOR = 10.0  # traces' worth of drivers who leave evenly over the reach

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from wzsumo.frames import FloatArray
+from wzsumo.live.charts.evidence import FOLLOWER_S
 from wzsumo.live.ground import GATE_M, Ground
 from wzsumo.live.trace.reading import Reading
 
@@ -19,8 +20,8 @@ ENDING_SHOWN, PASSING_ODD = 0.95, 0.05  # of traces on a closed road that end th
 EXIT_PRIOR = (0.5, 4.5)
 EXIT_DRIFT = 0.9  # an exit's share may sink to this part of what it was, from day to day
 STILL_EXITS = 0.05  # share of the former exits that seem to be taken although the exit is closed
-RATE_TRACES = 40.0  # over which the time between traces is averaged
-MOST_GAPS = 8.0  # usual times between traces, as which a longer one counts
+RATE_TRACES = 40.0  # over which the time between platoons is averaged
+MOST_GAPS = 8.0  # usual times between platoons, as which a longer one counts
 LEARNED_BELOW = 1.0  # nats
 MOST_TRACES = 2000.0
 
@@ -29,10 +30,11 @@ Counts = npt.NDArray[np.int32]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PassingCharts:
-    """Evidence [nats] that the road is closed at a cell (m,), that an exit is (branches,), and the expected number of traces
+    """Evidence [nats] that the road is closed at a cell (m,), that an exit is (branches,), and the expected number of platoons
     that did not come (a float). `since` as in the other charts; `ending` (m, 2) and `exiting` (branches, 2) are habits.
 
-    `gap_s` is the usual time between traces, `last_s` when the last one came; nan before there were any.
+    `gap_s` is the usual time between platoons beyond that between followers, `last_s` when the last trace came; nan before
+    there were any.
     """
 
     ended: FloatArray
@@ -77,37 +79,57 @@ def add_passage(charts: PassingCharts, reading: Reading, ground: Ground, *, numb
 
 
 def silence(charts: PassingCharts, now_s: float) -> float:
-    """Number of traces that should have come since the last one, at a time [s]."""
+    """Number of platoons that should have come since the last trace, at a time [s]."""
     known = charts.n_gaps >= RATE_TRACES / 2 and charts.gap_s > 0
-    return max(now_s - charts.last_s, 0.0) / charts.gap_s if known else 0.0
+    return max(now_s - charts.last_s - FOLLOWER_S, 0.0) / charts.gap_s if known else 0.0
 
 
 def _with_gap(charts: PassingCharts, now_s: float) -> dict[str, Any]:
-    if np.isnan(charts.last_s):
+    """Vehicles that follow each other come as one: the gaps between platoons have no memory, those between vehicles do."""
+    beyond = now_s - charts.last_s - FOLLOWER_S
+    if np.isnan(beyond):
         return {"silent": 0.0, "gap_s": charts.gap_s, "n_gaps": 0, "last_s": now_s}
-    gap, n = max(now_s - charts.last_s, 0.0), charts.n_gaps + 1
-    silent = silence(charts, now_s)
+    last = max(now_s, charts.last_s)
+    if beyond <= 0:
+        return {"silent": 0.0, "gap_s": charts.gap_s, "n_gaps": charts.n_gaps, "last_s": last}
+    n = charts.n_gaps + 1
     part = max(1 / n, 1 / RATE_TRACES)
     known = charts.gap_s if n > 1 else 0.0
     most = MOST_GAPS * known if n > RATE_TRACES / 2 else np.inf
-    usual = known + part * (min(gap, most) - known)
-    return {"silent": silent, "gap_s": usual, "n_gaps": n, "last_s": max(now_s, charts.last_s)}
+    usual = known + part * (min(beyond, most) - known)
+    return {"silent": silence(charts, now_s), "gap_s": usual, "n_gaps": n, "last_s": last}
 
 
 def _with_end(
     charts: PassingCharts, reading: Reading, ground: Ground, number: int
 ) -> tuple[FloatArray, Counts, FloatArray, FloatArray]:
-    reach = max(1, round(END_REACH_M / ground.spacing))
-    cells = np.arange(len(ground.cells))
-    informs = (cells > reading.first + reach) & (cells - reach <= reading.last) & (cells < len(cells) - reach // 2)
-    over = reading.last < cells
-    where = reading.offset[reading.last]  # off the lanes: it took an exit, and says nothing of the road behind
-    if not -ground.width < where < ground.n_lanes * ground.width:
-        informs &= ~over
-    share, sd = _share(charts.ending + ENDING_PRIOR)
-    share = np.clip(share + sd, LEAST_ENDING, 0.95)
-    says = np.where(over, np.log(ENDING_SHOWN / share), np.log(PASSING_ODD / (1 - share)))
+    m = len(ground.cells)
+    where = reading.offset[reading.last]
+    says, over, informs = _end_says(
+        charts.ending, np.array(ENDING_PRIOR), m, max(1, round(END_REACH_M / ground.spacing)), reading.first, reading.last,
+        -ground.width < where < ground.n_lanes * ground.width,
+    )  # fmt: skip
     return _grown(charts.ended, charts.ended_since, charts.ending, charts.ending_pending, says, over, informs, number)
+
+
+@numba.njit(cache=True, nogil=True)
+def _end_says(
+    ending: FloatArray, prior: FloatArray, m: int, reach: int, first: int, last: int, on_lanes: bool
+) -> tuple[FloatArray, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+    """(nats (m,) for a road closed at each cell, whether the trace ended ahead of it, whether it says anything about it).
+
+    One that ended off the lanes took an exit, and says nothing of the road behind.
+    """
+    says, over, informs = np.zeros(m), np.zeros(m, dtype=np.bool_), np.zeros(m, dtype=np.bool_)
+    for t in range(m):
+        over[t] = last < t
+        informs[t] = t > first + reach and t - reach <= last and t < m - reach // 2 and (on_lanes or not over[t])
+        if informs[t]:
+            ends, total = ending[t, 0] + prior[0], ending[t].sum() + prior.sum()
+            share = ends / total
+            share = min(max(share + np.sqrt(share * (1 - share) / (total + 1)), LEAST_ENDING), 0.95)
+            says[t] = np.log(ENDING_SHOWN / share) if over[t] else np.log(PASSING_ODD / (1 - share))
+    return says, over, informs
 
 
 def _with_exits(
@@ -128,16 +150,10 @@ def _with_exits(
         takes[index] = side * (median(reading.offset[behind][reading.found[behind]].tolist()) - (offset + outer) / 2) > 0
     # The chance that the next vehicle takes it, as Bayes gives it after all that came, those that did not take it among them:
     # that it is known by counting alone is in it.
-    share = EXIT_DRIFT * _share(charts.exiting + charts.exiting_pending + EXIT_PRIOR)[0]
+    counts = charts.exiting + charts.exiting_pending + EXIT_PRIOR
+    share = EXIT_DRIFT * counts[:, 0] / counts.sum(axis=1)
     says = np.where(takes, np.log(STILL_EXITS), np.log((1 - STILL_EXITS * share) / (1 - share)))
     return _grown(charts.missed, charts.missed_since, charts.exiting, charts.exiting_pending, says, takes, informs, number)
-
-
-def _share(counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(share, its standard deviation) of the first of two counts (..., 2)."""
-    total = counts.sum(axis=-1)
-    share = counts[..., 0] / total
-    return share, np.sqrt(share * (1 - share) / (total + 1))
 
 
 def _grown(

@@ -17,7 +17,8 @@ from wzsumo.live.stream.arrivals import Arrival, Reading, followed, replayed, st
 from wzsumo.live.stream.log_folder import LiveFolder, Position
 from wzsumo.live.trace.reading import read_trace
 
-COMMIT_EVERY = 200  # traces
+COMMIT_EVERY = 1000  # traces of files, which are read again from the last commit on
+STREAM_COMMIT_EVERY = 200  # traces of lines, which do not come again
 EVIDENCE_EVERY = 10
 KEYS_KEPT = 5000  # of the last traces, among which one that comes twice is known
 MAX_OFF_MAP_SHARE = 0.5
@@ -66,7 +67,7 @@ def follow_stream(folder: LiveFolder, lines: TextIO, reading: Reading, *, half_l
     """Take the traces of lines as they come; what was taken before is known by its name and time."""
     folder.position = Position(done=folder.position.done, reading=[], delivered=0)
     try:
-        _take_all(folder, streamed(lines, reading), half_life_s=half_life_s, tell=tell)
+        _take_all(folder, streamed(lines, reading), half_life_s=half_life_s, tell=tell, commit_every=STREAM_COMMIT_EVERY)
     finally:
         folder.commit()  # lines do not come again
 
@@ -95,12 +96,14 @@ def _after(arrivals: Iterable[Arrival], delivered: int) -> Iterator[Arrival]:
             yield arrival
 
 
-def _take_all(folder: LiveFolder, arrivals: Iterable[Arrival], *, half_life_s: float, tell: Tell) -> None:
+def _take_all(
+    folder: LiveFolder, arrivals: Iterable[Arrival], *, half_life_s: float, tell: Tell, commit_every: int | None = None
+) -> None:
     for arrival in arrivals:
         with uninterrupted():  # a trace is taken whole, or not at all
             _take(folder, arrival, half_life_s=half_life_s, tell=tell)
             folder.position.delivered += 1
-            if folder.position.delivered % COMMIT_EVERY == 0:
+            if folder.position.delivered % (commit_every or COMMIT_EVERY) == 0:
                 folder.commit()
 
 

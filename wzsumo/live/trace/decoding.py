@@ -32,6 +32,7 @@ ERROR_SDS_M = (0.4, 1.0, 2.2)  # of receivers, before anything is known: equal s
 KEPT_SHARE = 0.1  # of those, whatever is learned
 
 Places = npt.NDArray[np.int16]
+Draws = npt.NDArray[np.uint64]  # (1,): the state of a generator of random numbers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,8 +56,7 @@ def draw_ways(ground: Ground, reading: Reading, *, walk: float, receivers: Float
     eta = min(1.0, ground.spacing / WANDER_LENGTH_M)
     places, weights = _draw(
         reading.offset, reading.seen, ground.closed, ground.width, reading.white, walk, eta,
-        LANE_CHANGES_PER_M * ground.spacing, levels, reading.first, reading.last,
-        np.random.default_rng(seed).random((WAYS, len(ground.cells), 2)),
+        LANE_CHANGES_PER_M * ground.spacing, levels, reading.first, reading.last, np.array([seed], dtype=np.uint64),
     )  # fmt: skip
     return Ways(places=places, weights=weights)
 
@@ -182,7 +182,7 @@ def _thirds(state: int, n_lanes: int) -> int:
 @numba.njit(cache=True, nogil=True)
 def _draw(  # noqa: C901 - one pass forward, one backward
     y: FloatArray, seen: BoolArray, closed: BoolArray, width: float, white: float, walk: float, eta: float, change: float,
-    start: FloatArray, first: int, last: int, draws: FloatArray,
+    start: FloatArray, first: int, last: int, random: Draws,
 ) -> tuple[Places, FloatArray]:  # fmt: skip
     n_lanes = closed.shape[0]
     source, chance = _links(n_lanes, change)
@@ -240,41 +240,51 @@ def _draw(  # noqa: C901 - one pass forward, one backward
             row[t - first, z] *= scale
             for b in range(n_levels):
                 now[z, b] *= scale
-    return _sample(alpha, row, source, chance, closed, place, step, first, last, m, draws)
+    return _sample(alpha, row, source, chance, closed, place, step, first, last, m, random)
 
 
 @numba.njit(cache=True, nogil=True)
 def _sample(
     alpha: FloatArray, row: FloatArray, source: IntArray, chance: FloatArray, closed: BoolArray, place: IntArray, step: float,
-    first: int, last: int, m: int, draws: FloatArray,
+    first: int, last: int, m: int, random: Draws,
 ) -> tuple[Places, FloatArray]:  # fmt: skip
-    """Ways drawn backwards, and their weights; `draws` (WAYS, m, 2) are uniform random numbers."""
+    """Ways drawn backwards, and their weights."""
     n_levels = alpha.shape[2]
     ways = -np.ones((WAYS, m), dtype=np.int16)
     weight = np.zeros((source.shape[1], 4))
     cumulated = np.cumsum(alpha[-1].ravel())
     for i in range(WAYS):
         # One draw in each of equal shares of the last distribution: the ways differ as much as they can.
-        pick = np.searchsorted(cumulated, (i + draws[i, last, 0]) / WAYS * cumulated[-1])
+        pick = np.searchsorted(cumulated, (i + _uniform(random)) / WAYS * cumulated[-1])
         pick = min(pick, cumulated.size - 1)
         state, level = pick // n_levels, pick % n_levels
         ways[i, last] = place[state]
         for t in range(last - 1, first - 1, -1):
             before, sums = alpha[t - first], row[t - first]
             n_sources = _weigh(weight, before, sums, source[state], chance[state], state, level, closed, t, step)
-            chosen = _pick(weight, n_sources, draws[i, t, 0])
+            chosen = _pick(weight, n_sources, _uniform(random))
             state, move = source[state, chosen // 4], chosen % 4
             if move == 1:
                 level = max(level - 1, 0)
             elif move == 2:
                 level = min(level + 1, n_levels - 1)
             elif move == 3:
-                left, level = draws[i, t, 1] * sums[state] - before[state, 0], 0
+                left, level = _uniform(random) * sums[state] - before[state, 0], 0
                 while left > 0 and level < n_levels - 1:
                     level += 1
                     left -= before[state, level]
             ways[i, t] = place[state]
     return ways, _weights(ways, closed)
+
+
+@numba.njit(cache=True, nogil=True)
+def _uniform(random: Draws) -> float:
+    """The next random number in [0, 1): SplitMix64 (Steele et al. 2014), which begins in no time with any seed."""
+    random[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = random[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return float((z ^ (z >> np.uint64(31))) >> np.uint64(11)) / 9007199254740992.0
 
 
 @numba.njit(cache=True, nogil=True)

@@ -1,6 +1,7 @@
 """How a trace used the lanes: what its ways answer to the questions of the lane charts, with probabilities."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numba
 import numpy as np
@@ -37,6 +38,7 @@ class Windows:
         return self.approach + self.inside + 1
 
 
+@lru_cache(maxsize=64)
 def windows_of(ground: Ground) -> Windows:
     """The windows in cells of a ground."""
     cells = [max(1, round(length / ground.spacing)) for length in (REACH_M, APPROACH_M, MOVED_M, MIN_USE_M)]
