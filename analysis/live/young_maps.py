@@ -21,9 +21,9 @@ import pandas as pd
 from wzsumo.case.change.stream import changing_stream, known_before
 from wzsumo.case.change.updates import settled_map
 from wzsumo.live.alarms import Alarm, Kind
-from wzsumo.mutcd.layout import WorkZoneLayout
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.simulation.fleet import simulate_fleet
+from wzsumo.work_zone import WorkZoneLayout
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 COLUMNS = (

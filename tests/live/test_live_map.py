@@ -102,7 +102,10 @@ def test_a_lane_that_is_closed_is_named_and_drawn_closed() -> None:
     assert alarms[0].trace <= 100 + 24
     assert alarms[0].change.start_m == pytest.approx(750, abs=120)
     stations = live.ground.lanes.stations
-    assert (live.ground.lanes.lanes[1].p_open_middle[(stations > 900) & (stations < 1300)] < 0.2).all()
+    closed = live.ground.lanes.lanes[1].p_open_middle < 0.5
+    driven_up_to = max(trace.in_lane[1].nonzero()[0].max(initial=0) for trace in live.recent if trace.number > 100)
+    assert closed[stations > live.ground.cells[driven_up_to] + 40].all()  # ground that nobody drove is not held to be open
+    assert not closed[stations < 600].any()
     assert (live.ground.lanes.lanes[0].p_open_middle > 0.9).all()
 
 

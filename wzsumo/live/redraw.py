@@ -145,8 +145,10 @@ def _with_closed_lane(ground: Ground, lane: int, cell: int, traces: Recent) -> t
     start_m = ground.cells[start] - half + REACH_M / (leaving + 1) / 2
     end_m = ground.cells[end] + half - (REACH_M / (returning + 1) if end < m - 1 else 0.0)
     end_m = max(end_m, start_m + ground.spacing)
+    # Drawn closed is all that nobody drives: between the last driver and the likeliest start nothing is known to be open.
     stations = ground.lanes.stations
-    mapped = _with_p_open(ground.lanes.lanes[lane], (stations >= start_m) & (stations <= end_m), P_CLOSED)
+    undriven = (stations >= ground.cells[start] - half) & (stations <= max(ground.cells[end] + half, end_m))
+    mapped = _with_p_open(ground.lanes.lanes[lane], undriven, P_CLOSED)
     change = Change(
         kind=Kind.LANE_CLOSED, lane=lane, start_m=float(start_m), start_sd_m=float(np.hypot(half, REACH_M / (leaving + 1) / 2)),
         end_m=float(end_m), end_sd_m=float(np.hypot(half, REACH_M / (returning + 1))),

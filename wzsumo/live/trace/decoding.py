@@ -197,6 +197,7 @@ def _draw(  # noqa: C901 - one pass forward, one backward
     for i in range(600):
         gap = 0.05 * i
         table[i] = ((1 - WILD_SHARE) * np.exp(-0.5 * gap * gap / r) / np.sqrt(2 * np.pi * r) + WILD_SHARE / WILD_WIDTH_M) ** eta
+    here = np.empty(STEPS_PER_LANE * (n_lanes - 1) + n_levels)  # densities by a place and an error together, in steps
     alpha = np.zeros((last - first + 1, n_states, n_levels))
     walked = np.empty((n_states, n_levels))
     row = np.zeros((last - first + 1, n_states))  # sums over the levels
@@ -226,13 +227,15 @@ def _draw(  # noqa: C901 - one pass forward, one backward
                         p *= IN_CLOSED_DRAWN
                     for b in range(n_levels):
                         now[z, b] += p * walked[a, b]
+        if seen[t]:
+            for i in range(len(here)):
+                here[i] = table[min(int(abs(y[t] - apart * (i - half)) * 20 + 0.5), 599)]
         total = 0.0
         for z in range(n_states):
-            at = place[z] * width / 3
+            off = place[z] * STEPS_PER_LANE // 3
             for b in range(n_levels):
                 if seen[t]:
-                    gap = abs(y[t] - at - apart * (b - half))
-                    now[z, b] *= table[min(int(gap * 20 + 0.5), 599)]
+                    now[z, b] *= here[off + b]
                 row[t - first, z] += now[z, b]
             total += row[t - first, z]
         scale = 1 / total
