@@ -51,7 +51,7 @@ def young() -> str:
     lines += [
         f"| {row['mapped_traces']} traces | {row['error_m']} | {row['runs']} | "
         f"{row['young_alarms']} in {row['young_traces']} | {row['later_alarms']} in {row['later_traces']} | {row['by_kind']} | "
-        f"{row['mended']} |"
+        f"{row.get('mended', '')} |"
         for row in _rows("live_young.csv")
     ]
     return "\n".join(lines)

@@ -12,7 +12,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 # Files and folders of each part, and files of them that are left out (-). A result may name a file or a folder beside them.
 PARTS: dict[str, tuple[str, ...]] = {
-    "zone": ("wzsumo/mutcd", "wzsumo/road.py", "wzsumo/tapers.py", "wzsumo/work_zone.py"),
+    "zone": (
+        "wzsumo/mutcd", "-wzsumo/mutcd/other_states.py", "wzsumo/road.py", "wzsumo/tapers.py", "wzsumo/work_zone.py",
+    ),
+    "zone that changes": ("wzsumo/mutcd/other_states.py",),
     "traffic": (  # without what places an ego in it
         "wzsumo/simulation", "-wzsumo/simulation/ego_bodies.py", "-wzsumo/simulation/session.py", "wzsumo/capacity.py",
         "wzsumo/traffic.py",

@@ -89,8 +89,13 @@ def test_a_platoon_that_leaves_its_lane_is_no_change_but_as_many_vehicles_apart_
 
     _, together = leaving(live, 100, apart_s=1.5, driver=leaves)
     assert together == []
-    _, apart = leaving(live, 100, apart_s=8.0, driver=leaves)
+    drawn, apart = leaving(live, 100, apart_s=8.0, driver=leaves)
     assert apart[0].change.kind is Kind.LANE_CLOSED
+    # Closed is drawn from where the drivers left on, though it likely begins half a gap between them later.
+    driven_up_to = drawn.ground.cells[max(trace.in_lane[1].nonzero()[0].max() for trace in drawn.recent[-6:])]
+    first = drawn.ground.lanes.stations[drawn.ground.lanes.lanes[1].p_open_middle < 0.5].min()
+    assert apart[0].change.start_m is not None
+    assert driven_up_to - 50.0 < first < apart[0].change.start_m
 
 
 def test_a_lane_that_is_closed_is_named_and_drawn_closed() -> None:
@@ -102,10 +107,7 @@ def test_a_lane_that_is_closed_is_named_and_drawn_closed() -> None:
     assert alarms[0].trace <= 100 + 24
     assert alarms[0].change.start_m == pytest.approx(750, abs=120)
     stations = live.ground.lanes.stations
-    closed = live.ground.lanes.lanes[1].p_open_middle < 0.5
-    driven_up_to = max(trace.in_lane[1].nonzero()[0].max(initial=0) for trace in live.recent if trace.number > 100)
-    assert closed[stations > live.ground.cells[driven_up_to] + 40].all()  # ground that nobody drove is not held to be open
-    assert not closed[stations < 600].any()
+    assert (live.ground.lanes.lanes[1].p_open_middle[(stations > 900) & (stations < 1300)] < 0.2).all()
     assert (live.ground.lanes.lanes[0].p_open_middle > 0.9).all()
 
 
