@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from wzsumo.errors import TraceError, shown
-from wzsumo.frames import FloatArray
+from wzsumo.frames import BoolArray, FloatArray
 
 MAX_TRACE_M = 1e6  # over which most fixes of one vehicle spread: a day's drive; a zone is a thousandth of it
 TRACE_COLUMNS = ("vehicle_id", "time_s", "x_m", "y_m")  # needed for a map
@@ -36,7 +36,13 @@ def check_traces(traces: pd.DataFrame, *, source: str) -> pd.DataFrame:
     ids = ids.astype(str)
     # Sorted by codes, since a million strings take seconds to sort.
     order = np.lexsort((numbers["time_s"], pd.factorize(ids, sort=True)[0]))
-    return pd.DataFrame({"vehicle_id": ids.array[order]} | {name: values[order] for name, values in numbers.items()})
+    table = pd.DataFrame({"vehicle_id": ids.array} | numbers, copy=False)
+    return table if (np.diff(order) == 1).all() else table.iloc[order].reset_index(drop=True)
+
+
+def kept_rows(table: pd.DataFrame, kept: BoolArray) -> pd.DataFrame:
+    """The rows of a table that a mask (n,) keeps, numbered anew; where it keeps all, the table itself and not a copy."""
+    return table if kept.all() else table[kept].reset_index(drop=True)
 
 
 def refuse_endless_traces(traces: pd.DataFrame, *, source: str) -> None:

@@ -4,7 +4,7 @@ import pytest
 from builders import straight_traces
 
 from wzsumo.errors import TraceError
-from wzsumo.tables import check_traces, refuse_endless_traces, some_vehicles
+from wzsumo.tables import check_traces, kept_rows, refuse_endless_traces, some_vehicles
 
 TRACES = straight_traces([0.0, 3.5], length_m=10)
 
@@ -73,3 +73,9 @@ def test_some_vehicles_are_taken_evenly_with_all_their_fixes(most: int, kept: li
     some = some_vehicles(table, most)
     expected = sorted(set(ids)) if kept is None else kept
     assert some["vehicle_id"].tolist() == [name for name in expected for _ in range(3)]
+
+
+def test_kept_rows_are_numbered_anew_and_all_of_them_are_the_table_itself() -> None:
+    table = pd.DataFrame({"a": [1, 2, 3]}, index=[0, 1, 2])
+    assert kept_rows(table, np.ones(3, dtype=bool)) is table
+    assert kept_rows(table, np.array([True, False, True])).equals(pd.DataFrame({"a": [1, 3]}))

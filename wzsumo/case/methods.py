@@ -30,6 +30,7 @@ from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
 from wzsumo.tables import some_vehicles
 
+LANES_SHARE = 0.8  # of the work on a map, that the lanes are
 MOST_LINES = 400  # vehicles whose own lines guide a planner; more say nothing new. Chosen by us
 DEFAULT_METHOD = "lanes"  # for a map of a trace file or table
 PAPER_INFLATION_M = 0.7  # Chen et al. 2022, both mapping branches; the paper plans for a point on that map
@@ -108,8 +109,10 @@ def _swept(crowd: Crowd, task: MapTask) -> OccupancyGrid:
 
 
 def _lanes(traces: pd.DataFrame, task: MapTask) -> MadeMap:
-    made = map_lanes(traces, before=task.before)
-    grid = occupancy_grid(made.lanes, task.cells, progress=lambda done, total: task.tell(done / total))
+    made = map_lanes(traces, before=task.before, tell=lambda share: task.tell(LANES_SHARE * share))
+    grid = occupancy_grid(
+        made.lanes, task.cells, progress=lambda done, total: task.tell(LANES_SHARE + (1 - LANES_SHARE) * done / total)
+    )
     grid = free_witnessed_ground(grid, traces, reach_m=task.witness_reach_m)
     width = float(np.median([lane.left - lane.right for lane in made.lanes.lanes]))
     driven = lines_of_traces(

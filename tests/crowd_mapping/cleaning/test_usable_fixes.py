@@ -1,8 +1,10 @@
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from wzsumo.crowd_mapping.cleaning.usable_fixes import UsableTraces, usable_fixes
+from wzsumo.crowd_mapping.cleaning.usable_fixes import UsableTraces, _repeats, usable_fixes
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 
@@ -120,3 +122,9 @@ def test_fixes_of_a_trace_come_sorted_by_time() -> None:
     shuffled = drive().sample(frac=1, random_state=0)
     time: FloatArray = usable(shuffled).traces["time_s"].to_numpy()
     assert (np.diff(time) > 0).all()
+
+
+@given(rows=st.lists(st.tuples(st.sampled_from("ab"), *(st.sampled_from([0.0, 1.0]),) * 3), min_size=1, max_size=12))
+def test_repeats_are_those_that_pandas_finds_over_all_columns(rows: list[tuple[str, float, float, float]]) -> None:
+    table = pd.DataFrame(rows, columns=["vehicle_id", "time_s", "x_m", "y_m"])
+    assert _repeats(table).tolist() == table.duplicated().tolist()

@@ -1,13 +1,15 @@
-"""Fits of some of the traces: the others keep what is known of them."""
+"""Fits of some of the traces, whose others keep what is known of them; and what a crowd may be like."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from crowd_mapping.lanes.fits import WIDTH_M, seen
+from crowd_mapping.lanes.fits import WIDTH_M, always_in, fit_of, seen
+from scipy.integrate import quad
 
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
-from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
+from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, crowd_of, fit_lanes, log_chance_of_crowd
+from wzsumo.crowd_mapping.lanes.lane_chain import LANE_CHANGES_PER_M
 from wzsumo.crowd_mapping.lanes.observations import Observations
 
 M = 40
@@ -43,3 +45,27 @@ def test_traces_that_a_closure_does_not_concern_say_the_same_fitted_again_or_kep
     whole = fit_lanes(observations, CLOSED, course=fit.course.offset)
     assert kept.in_lane == pytest.approx(whole.in_lane, abs=0.02)
     assert kept.log_likelihood == pytest.approx(whole.log_likelihood, abs=1.0)
+
+
+@pytest.mark.parametrize(("first", "changes"), [((9, 3), (0, 0)), ((1, 1), (2, 5)), ((40, 60), (30, 1))])
+def test_chance_of_a_crowd_is_its_likelihood_averaged_over_all_crowds(first: tuple[int, int], changes: tuple[int, int]) -> None:
+    """By numerical integration over the share of the first lane and both rates of lane changes."""
+    fit = fit_of(always_in([0] * first[0] + [1] * first[1], n_stations=M))
+    observed = seen(np.zeros((sum(first), M)))
+    fit = replace(fit, changes=np.full((sum(first), 1, 2), np.array(changes) / sum(first)))
+    crowd, mean = crowd_of(fit, observed), LANE_CHANGES_PER_M
+    likeliest = float((crowd.first_lanes ** np.array(first)).prod())
+    averaged = quad(lambda share: share ** first[0] * (1 - share) ** first[1], 0, 1)[0]
+    expected = np.log(averaged / likeliest)
+    for lane, x in enumerate(changes):
+        metres, rate = first[lane] * M * 20.0, float(crowd.changes_per_m[0, lane])
+        relative = quad(lambda z: (z * mean / rate) ** x * np.exp(rate * metres - z * (mean * metres + 1)), 0, 60)[0]  # noqa: B023
+        expected += np.log(relative)
+    assert log_chance_of_crowd(fit, observed) == pytest.approx(expected, abs=1e-4)
+
+
+def test_more_lanes_have_more_to_be_found_out_of_the_crowd() -> None:
+    observed = seen(np.zeros((30, M)))
+    chances = [log_chance_of_crowd(fit_of(always_in([0] * 30, n_stations=M, n_lanes=lanes)), observed) for lanes in (1, 2, 3)]
+    assert chances[0] == 0
+    assert np.diff(chances).max() < -1

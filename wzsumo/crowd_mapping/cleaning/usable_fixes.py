@@ -12,7 +12,7 @@ import pandas as pd
 
 from wzsumo.errors import TraceError
 from wzsumo.frames import BoolArray, FloatArray
-from wzsumo.tables import TRACE_COLUMNS, check_traces
+from wzsumo.tables import TRACE_COLUMNS, check_traces, kept_rows
 
 MAX_SPEED_MPS = 75.0  # 168 mph: no vehicle on a road
 POSITION_TOLERANCE_M = 15.0  # by which two fixes may be off besides: five standard deviations of a poor receiver (3 m)
@@ -45,9 +45,9 @@ def usable_fixes(table: pd.DataFrame, *, source: str) -> UsableTraces:
     extent = float(np.ptp(numbers[["x_m", "y_m"]].to_numpy(), axis=0).max())
     if extent < MIN_EXTENT_M:
         raise TraceError(f"{source}: all fixes lie within {extent:.2f} m; a map needs vehicles that move, in metres")
-    repeats = numbers.duplicated([*TRACE_COLUMNS]).to_numpy()
+    repeats = _repeats(numbers)
     dropped += _dropped(numbers["vehicle_id"][repeats], "repeats a fix of the same vehicle, time and place")
-    traces = _split_at_pauses(_split_at_clock(numbers[~repeats]))
+    traces = _split_at_pauses(_split_at_clock(kept_rows(numbers, ~repeats)))
     if traces["vehicle_id"].nunique() == len(traces):
         raise TraceError(
             f"{source}: each of {len(traces)} vehicle_ids has one fix; a trace is two fixes or more under one vehicle_id: "
@@ -58,7 +58,7 @@ def usable_fixes(table: pd.DataFrame, *, source: str) -> UsableTraces:
         dropped += _dropped(traces["vehicle_id"][lost & (reasons == reason)], str(reason))
     if lost.all():
         raise TraceError(f"{source}: no fix is left of {len(table)}: the first trace {reasons[0]}; check vehicle_id and time_s")
-    return UsableTraces(traces=check_traces(traces[~lost], source=source), dropped=merge_dropped(dropped))
+    return UsableTraces(traces=check_traces(kept_rows(traces, ~lost), source=source), dropped=merge_dropped(dropped))
 
 
 def merge_dropped(parts: Dropped) -> pd.DataFrame:
@@ -71,11 +71,12 @@ def _finite_rows(table: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, Dro
     """(rows with an id and finite time and place, as numbers; the others)."""
     if any(name not in table.columns for name in TRACE_COLUMNS) or table.empty:
         check_traces(table, source=source)
-    numbers = table[[*TRACE_COLUMNS]].copy()
-    for name in TRACE_COLUMNS[1:]:
-        numbers[name] = pd.to_numeric(numbers[name], errors="coerce").astype(float)
-    named = numbers["vehicle_id"].notna().to_numpy()
-    finite = np.isfinite(numbers[[*TRACE_COLUMNS[1:]]].to_numpy()).all(axis=1)
+    named = table["vehicle_id"].notna().to_numpy()
+    ids = table["vehicle_id"].astype(str)
+    columns = {name: pd.to_numeric(table[name], errors="coerce").astype(float) for name in TRACE_COLUMNS[1:]}
+    finite = np.logical_and.reduce([np.isfinite(values.to_numpy()) for values in columns.values()])
+    # Columns that are numbers already are shared with the table, which may hold millions of fixes.
+    numbers = pd.DataFrame({"vehicle_id": ids if named.all() else ids.where(named, "(none)")} | columns, copy=False)
     if 2 * (named & finite).sum() <= len(table):
         check_traces(table[[*TRACE_COLUMNS]], source=source)  # raises, and names the first value that is none
     for name in (name for name in ("width_m", "position_sd_m") if name in table):
@@ -83,10 +84,20 @@ def _finite_rows(table: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, Dro
         values = values.where(np.isfinite(values) & (values >= 0))
         if values.notna().any():
             numbers[name] = values.fillna(values.median())
-    numbers["vehicle_id"] = numbers["vehicle_id"].astype(str).where(named, "(none)")
     dropped = _dropped(numbers["vehicle_id"][named & ~finite], "time_s, x_m or y_m is no finite number")
     dropped += _dropped(numbers["vehicle_id"][~named], "vehicle_id is empty")
-    return numbers[named & finite].reset_index(drop=True), dropped
+    return kept_rows(numbers, named & finite), dropped
+
+
+def _repeats(numbers: pd.DataFrame) -> BoolArray:
+    """Which rows (n,) repeat an earlier one: few share vehicle and time with another, and only these are compared."""
+    code, time = pd.factorize(numbers["vehicle_id"])[0], numbers["time_s"].to_numpy()
+    order = np.lexsort((time, code))
+    alike = (np.diff(code[order]) == 0) & (np.diff(time[order]) == 0)
+    shared = np.sort(order[np.r_[alike, False] | np.r_[False, alike]])
+    repeats = np.zeros(len(numbers), dtype=bool)
+    repeats[shared] = numbers.iloc[shared].duplicated([*TRACE_COLUMNS]).to_numpy()
+    return repeats
 
 
 def _dropped(vehicle_ids: "pd.Series[str]", reason: str) -> Dropped:
@@ -130,7 +141,7 @@ def _named_parts(numbers: pd.DataFrame, code: npt.NDArray[np.intp], part: npt.ND
     """Fixes sorted by vehicle, part and time; parts after a vehicle's first are named id#2, id#3 ..."""
     order = np.lexsort((numbers["time_s"].to_numpy(), part, code))
     if not part.any():
-        return numbers.iloc[order].reset_index(drop=True)
+        return numbers if (np.diff(order) == 1).all() else numbers.iloc[order].reset_index(drop=True)
     names = np.array([str(id_) for id_ in ids], dtype=object)[code]
     later = part > 0
     names[later] = [f"{name}#{number + 1}" for name, number in zip(names[later], part[later], strict=True)]

@@ -15,6 +15,7 @@ from wzsumo.crowd_mapping.reference_line import reference_line_from_traces
 from wzsumo.errors import TraceError
 from wzsumo.frames import FloatArray
 from wzsumo.road import Road
+from wzsumo.tables import kept_rows
 
 JUMP_WINDOW, MAX_JUMP_M = 7, 10.0  # fixes around a fix, from whose median it lies aside: three lanes. Chosen by us
 PLACE_CELL_M = 100.0  # side of the squares in which fixes are counted as near each other
@@ -45,7 +46,7 @@ def usable_traces(
         raise TraceError(f"{source}: {error}") from None
     counts = traces["vehicle_id"].value_counts()
     unfit = unfit.assign(n_fixes=counts.reindex(unfit["vehicle_id"]).to_numpy())
-    kept = traces[~traces["vehicle_id"].isin(unfit["vehicle_id"])].reset_index(drop=True)
+    kept = kept_rows(traces, ~traces["vehicle_id"].isin(unfit["vehicle_id"]).to_numpy())
     tell(0.8)
     kept, aside = _without_jumps(kept, axis)
     tell(1.0)
@@ -71,28 +72,31 @@ def _driven_towards(traces: pd.DataFrame, heading_rad: float | None, *, source: 
             "reason": "drives in another direction than the one that is asked for",
         }
     )
-    return traces[~traces["vehicle_id"].isin(others)].reset_index(drop=True), dropped
+    return kept_rows(traces, ~traces["vehicle_id"].isin(others).to_numpy()), dropped
 
 
 def _without_jumps(traces: pd.DataFrame, axis: Road) -> tuple[pd.DataFrame, pd.DataFrame]:
     """(traces without fixes that lie far aside of their vehicle's fixes around them; those as dropped)."""
     _, offset = axis.to_sd(traces[["x_m", "y_m"]].to_numpy())
-    around = (
-        pd.Series(offset)
-        .groupby(traces["vehicle_id"].to_numpy())
-        .transform(lambda own: own.rolling(JUMP_WINDOW, center=True, min_periods=1).median())
-    )
-    jumps = np.abs(offset - around.to_numpy()) > MAX_JUMP_M
+    code, _ = pd.factorize(traces["vehicle_id"])
+    first = np.flatnonzero(np.diff(code, prepend=-1))  # a checked table is sorted by vehicle
+    spread = np.maximum.reduceat(offset, first) - np.minimum.reduceat(offset, first)
+    jumps = np.zeros(len(traces), dtype=bool)
+    for vehicle in np.flatnonzero(spread > MAX_JUMP_M):
+        own = slice(first[vehicle], first[vehicle + 1] if vehicle + 1 < len(first) else None)
+        around = pd.Series(offset[own]).rolling(JUMP_WINDOW, center=True, min_periods=1).median()
+        jumps[own] = np.abs(offset[own] - around) > MAX_JUMP_M
     counts = traces["vehicle_id"][jumps].value_counts(sort=False)
     reason = f"jumps {MAX_JUMP_M:g} m or more aside from the fixes before and after"
     dropped = pd.DataFrame({"vehicle_id": counts.index, "n_fixes": counts.to_numpy(), "reason": reason})
-    return traces[~jumps].reset_index(drop=True), dropped
+    return kept_rows(traces, ~jumps), dropped
 
 
 def _in_one_place(traces: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, pd.DataFrame]:
     """(traces in the place where most are; the others as dropped). Raises TraceError where many are elsewhere."""
     place, middles = _places(traces)
-    of_vehicle = pd.Series(place).groupby(traces["vehicle_id"].to_numpy()).first()
+    code, ids = pd.factorize(traces["vehicle_id"])
+    of_vehicle = pd.Series(place[np.flatnonzero(np.diff(code, prepend=-1))], index=ids)  # sorted by vehicle
     counts = of_vehicle.value_counts()
     main = int(counts.index[0])
     away = np.hypot(*(middles - middles[main]).T)
@@ -112,13 +116,15 @@ def _in_one_place(traces: pd.DataFrame, *, source: str) -> tuple[pd.DataFrame, p
             "reason": [f"lies {away[k]:.0f} m away from the others" for k in others],
         }
     )
-    return traces[~traces["vehicle_id"].isin(others.index)].reset_index(drop=True), far
+    return kept_rows(traces, ~traces["vehicle_id"].isin(others.index).to_numpy()), far
 
 
 def _places(traces: pd.DataFrame) -> tuple[npt.NDArray[np.intp], FloatArray]:
     """(place (n,) of each fix, middles (places, 2) [m]). Cells near each other, or joined by a vehicle, are one place."""
-    xy = traces[["x_m", "y_m"]].to_numpy()
-    cells, cell_of = np.unique(np.floor(xy / PLACE_CELL_M), axis=0, return_inverse=True)
+    # By hashing, axis by axis: to sort millions of fixes takes seconds, and their cells as pairs gigabytes.
+    (column, columns), (row, rows) = (pd.factorize(np.floor(traces[name].to_numpy() / PLACE_CELL_M)) for name in ("x_m", "y_m"))
+    cell_of, pairs = pd.factorize(column * len(rows) + row)
+    cells = np.column_stack([columns[pairs // len(rows)], rows[pairs % len(rows)]])
     near = cKDTree(cells).query_pairs(MAX_PLACE_GAP_M / PLACE_CELL_M, output_type="ndarray")
     code, _ = pd.factorize(traces["vehicle_id"])
     steps = np.flatnonzero((np.diff(code) == 0) & (np.diff(cell_of) != 0))
@@ -127,5 +133,5 @@ def _places(traces: pd.DataFrame) -> tuple[npt.NDArray[np.intp], FloatArray]:
     n_places, label = connected_components(graph, directed=False)
     place = label[cell_of]
     size = np.bincount(place, minlength=n_places)
-    middles = np.column_stack([np.bincount(place, weights=axis, minlength=n_places) / size for axis in xy.T])
+    middles = np.column_stack([np.bincount(place, weights=traces[name], minlength=n_places) / size for name in ("x_m", "y_m")])
     return place.astype(np.intp), middles

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.special import gammaln
 
 from wzsumo.crowd_mapping.lanes.course import Course, CoursePrior, course_at_start, fit_course
 from wzsumo.crowd_mapping.lanes.lane_chain import LANE_CHANGES_PER_M, lane_chain
@@ -224,14 +225,33 @@ def first_crowd(setting: LaneSetting, receivers: Receivers) -> Crowd:
 
 def crowd_of(fit: LaneFit, observations: Observations) -> Crowd:
     """What the traces of a fit have in common: with one vehicle more in each first lane, and one change more in each lane."""
-    seen = fit.in_lane.sum(axis=2) > 0.1
-    first = np.where(seen.any(axis=1), seen.argmax(axis=1), 0)
-    begun = fit.in_lane[np.arange(len(first)), first] * (1 - fit.stray)[:, None]
-    counts = begun.sum(axis=0) + 1.0
-    driven = (fit.in_lane.sum(axis=1) * (1 - fit.stray)[:, None]).sum(axis=0) * observations.spacing
-    exposure = np.stack([driven[:-1], driven[1:]], axis=1)
+    first, changes, exposure = _counts(fit, observations)
     return Crowd(
         receivers=shares_after(fit.class_share),
-        first_lanes=counts / counts.sum(),
-        changes_per_m=(1 + fit.changes.sum(axis=0)) / (1 / LANE_CHANGES_PER_M + exposure),
+        first_lanes=(1 + first) / (1 + first).sum(),
+        changes_per_m=(1 + changes) / (1 / LANE_CHANGES_PER_M + exposure),
     )
+
+
+def log_chance_of_crowd(fit: LaneFit, observations: Observations) -> float:
+    """Log of the likelihood of a fit averaged over what the crowd may be like, relative to that by its likeliest crowd.
+
+    Shares of first lanes are alike likely beforehand, rates of changes exponential with mean LANE_CHANGES_PER_M: so both
+    averages are closed forms of the expected counts. The more lanes, the more has to be found out of the crowd.
+    """
+    first, changes, exposure = _counts(fit, observations)
+    n, lanes = first.sum(), len(first)
+    shares = gammaln(lanes) - gammaln(n + lanes) + (gammaln(first + 1) - first * np.log((first + 1) / (n + lanes))).sum()
+    known = 1 / (1 + LANE_CHANGES_PER_M * exposure)  # share of what is known of a rate that was known beforehand
+    rates = np.log(known) + gammaln(changes + 1) - changes * np.log(changes + 1) + (changes + 1) * (1 - known)
+    return float(shares + rates.sum())
+
+
+def _counts(fit: LaneFit, observations: Observations) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(vehicles that begin in each lane (lanes,), lane changes (lanes - 1, 2), metres driven where these may begin)."""
+    on_lanes = (1 - fit.stray)[:, None]
+    seen = fit.in_lane.sum(axis=2) > 0.1
+    first = np.where(seen.any(axis=1), seen.argmax(axis=1), 0)
+    begun = fit.in_lane[np.arange(len(first)), first] * on_lanes
+    driven = (fit.in_lane.sum(axis=1) * on_lanes).sum(axis=0) * observations.spacing
+    return begun.sum(axis=0), fit.changes.sum(axis=0), np.stack([driven[:-1], driven[1:]], axis=1)

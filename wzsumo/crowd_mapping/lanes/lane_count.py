@@ -7,7 +7,7 @@ import numpy as np
 
 from wzsumo.crowd_mapping.lanes.closures import log_closing
 from wzsumo.crowd_mapping.lanes.course import CoursePrior
-from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes
+from wzsumo.crowd_mapping.lanes.fit import LaneFit, LaneSetting, fit_lanes, log_chance_of_crowd
 from wzsumo.crowd_mapping.lanes.observations import Observations, cumulated_course
 from wzsumo.crowd_mapping.lanes.receivers import SCOUT_SIGMAS_M, SCOUT_TIMES_S, SCOUTS, receivers_of, some_of
 from wzsumo.crowd_mapping.lanes.rival_fits import in_full, likeliest_lanes
@@ -20,21 +20,20 @@ LANE_WIDTH_M, LANE_WIDTH_SD_M = 3.59, 0.18
 MIN_USERS = 1.5  # of an outer lane: one trace adds no lane
 LEVELS_PER_LANE = 5  # at which lanes are tried
 SCOUT_ROUNDS = 3
-LOG_PRIOR_PER_LANE = -5.0  # with ODD_SHARE: a lane must be worth two good witnesses. Chosen by us
+LOG_PRIOR_PER_LANE = -2.5  # a lane more is a twelfth as likely beforehand. Chosen by us
 ODD_SHARE = 0.002  # of traces that say nothing of the number of lanes: so none says more than 6 nats. Chosen by us
-FITTED = 2  # numbers of lanes, the likeliest after rough fits, that are fitted in full
-RIVAL = 20.0  # nats behind the likeliest, from which on no more lanes are tried, nor this number fitted in full
+RIVAL = 20.0  # nats behind the likeliest, from which on no more lanes are tried
+NEAR = 10.0  # nats behind the likeliest rough fit, up to which a number of lanes is fitted in full: a full fit gains some 4
 
 
 def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> tuple[LaneFit, FloatArray]:
     """(the likeliest fit over the numbers of lanes, probability (lanes,) that each of its lanes is there).
 
-    The numbers of lanes that are likeliest after rough fits are fitted in full. Without `off_lane` no vehicle is beside lanes.
+    Numbers of lanes NEAR the likeliest after rough fits are fitted in full. Without `off_lane` no vehicle is beside lanes.
     """
     rough = _rough_fits(some_of(observations, SCOUTS), observations, off_lane=off_lane)
     score = _with_closures(rough, observations)
-    likely = [i for i in np.argsort(-score, kind="stable")[:FITTED] if score[i] > score.max() - RIVAL]
-    fits = [in_full(rough[i], observations) for i in likely]
+    fits = [in_full(fit, observations) for fit, of_fit in zip(rough, score, strict=True) if of_fit > score.max() - NEAR]
     return likeliest_lanes(fits, _with_closures(fits, observations))
 
 
@@ -42,7 +41,8 @@ def _with_closures(fits: list[LaneFit], observations: Observations) -> FloatArra
     """Scores (fits,) with what possible closures add; a fit whose outer lanes lack users is out of the question."""
     closing = np.array([log_closing(fit, observations) for fit in fits])
     lacking = np.array([_outer_lanes_without_users(fit) for fit in fits])
-    return np.asarray(scores(fits) + closing - 1e6 * lacking)
+    crowd = np.array([log_chance_of_crowd(fit, observations) for fit in fits])
+    return np.asarray(scores(fits) + crowd + closing - 1e6 * lacking)
 
 
 def scores(fits: list[LaneFit]) -> FloatArray:

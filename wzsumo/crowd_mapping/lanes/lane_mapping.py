@@ -1,5 +1,6 @@
 """The lane map of a trace table: joined to the road before the zone, or of the traces alone."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,17 +40,23 @@ class MappedLanes:
     removed_shift_m: float  # the common error of all positions, which the lanes are free of
 
 
-def map_lanes(traces: pd.DataFrame, *, before: MapBefore | None = None) -> MappedLanes:
+def map_lanes(
+    traces: pd.DataFrame, *, before: MapBefore | None = None, tell: Callable[[float], None] = lambda _share: None
+) -> MappedLanes:
     """The lane map of usable traces (sorted by vehicle and time).
 
     `before` is the road before the zone and where the zone is announced, where that is known. No random numbers are drawn: the
-    same traces give the same map. Raises TraceError where no trace is long enough to show a road.
+    same traces give the same map. `tell` is called with the share of the work that is done, of a hundred traces. Raises
+    TraceError where no trace is long enough to show a road.
     """
     axis = before.road if before else reference_line_from_traces(traces)
     observations = observe(traces, axis)
+    tell(0.05)
     fit, there, unexplained = _fit(observations, before)
+    tell(0.7)
     prior = _closure_prior(traces, before, width=fit.course.width)
     fit, closures = fit_closures(fit, observations, prior)
+    tell(1.0)
     slow = slow_stretches(observations)
     removed = fit.course.shift if before and abs(fit.course.shift) < ROAD_OFF_M else 0.0
     lanes = _mapped_lanes(fit, there, closures, observations, removed_shift=removed, taper_m=prior.taper_m)
