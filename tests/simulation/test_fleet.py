@@ -9,8 +9,9 @@ from builders import paper_layout, paper_road, paper_work_zone, vehicle_outlines
 
 from wzsumo.errors import SimulationError
 from wzsumo.mutcd.layout import lay_out
+from wzsumo.simulation import fleet
 from wzsumo.simulation.demand import DemandSpec
-from wzsumo.simulation.files import SimulationSpec, SumoFiles, write_sumo_files
+from wzsumo.simulation.files import SimulationSpec, SumoFiles, Surroundings, write_sumo_files
 from wzsumo.simulation.fleet import run_to_end, simulate_fleet
 from wzsumo.simulation.session import running
 from wzsumo.tables import check_traces
@@ -137,3 +138,23 @@ def test_failure_of_sumo_is_raised_with_its_reason(short_run: SumoFiles, tmp_pat
     missing = replace(short_run, config=tmp_path / "nowhere.sumocfg")
     with pytest.raises(SimulationError, match=r"SUMO ended with 1: .*nowhere\.sumocfg"):
         run_to_end(missing, options=(), on_second=lambda _: None)
+
+
+def test_vehicle_of_a_network_is_as_large_as_its_type_though_sumo_gave_it_a_copy_of_the_type(
+    short_run: SumoFiles, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SUMO names the copy type@vehicle; both names may hold an @."""
+    ids = {"v1": "van", "v@2": "van@v@2", "v3": "long@van@v3", "v4": "long@van"}
+
+    def write_fcd(_files: SumoFiles, *, options: tuple[str, ...], on_second: object) -> None:
+        columns = {"vehicle_x": 50.0, "vehicle_y": 0.0, "vehicle_angle": 90.0, "vehicle_speed": 9.0, "timestep_time": 1.0}
+        rows = pd.DataFrame({"vehicle_id": list(ids), "vehicle_type": list(ids.values())}).assign(**columns)
+        rows.to_parquet(options[options.index("--fcd-output") + 1])
+
+    sizes = {"van": (6.5, 2.0), "long@van": (9.5, 2.1)}
+    around = Surroundings(
+        along=(), around=(), vehicle_sizes=sizes, whole_edges={}, shapes={}, additionals=(), without_zone=short_run.config
+    )
+    monkeypatch.setattr(fleet, "run_to_end", write_fcd)
+    traces = simulate_fleet(replace(short_run, surroundings=around), on_second=lambda _: None)
+    assert dict(zip(traces["vehicle_id"], traces["length_m"], strict=True)) == {"v1": 6.5, "v@2": 6.5, "v3": 9.5, "v4": 9.5}

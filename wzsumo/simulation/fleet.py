@@ -1,7 +1,7 @@
 """Traces of the whole fleet: a simulation by SUMO's binary from start to end, logged by its own FCD output (Parquet)."""
 
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +55,7 @@ def run_to_end(files: SumoFiles, *, options: tuple[str, ...], on_second: Callabl
     """Run the simulation of `files` to its end, with further options of SUMO's such as its outputs.
 
     `on_second` is called with the time [s] from the beginning once a simulated second. Vehicles that wait for each other where
-    lanes merge are let go (see `gridlock`). Raises SimulationError where SUMO fails, OSError where the disk is full.
+    lanes merge make way (see `gridlock`). Raises SimulationError where SUMO fails, OSError where the disk is full.
     """
     arguments = ("--configuration-file", str(files.config), *options, "--no-warnings")
     edges = files.surroundings.along if files.surroundings else [edge.id for edge in files.edges]
@@ -109,8 +109,16 @@ def _sizes_of(types: pd.Series, files: SumoFiles) -> tuple[FloatArray, FloatArra
         length, width = (np.where(truck, TRUCK[key], CAR[key]) for key in ("length_m", "width_m"))
         return length, width
     sizes = files.surroundings.vehicle_sizes
-    unknown = sorted(set(types.unique()) - sizes.keys())
+    own = {name: _inserted_type(name, sizes) for name in types.unique()}
+    unknown = sorted(set(own.values()) - sizes.keys())
     if unknown:
         raise SimulationError(f"{files.config}: vehicle type {unknown[0]!r} is in none of its route or additional files")
-    both = np.array([sizes[name] for name in types], dtype=np.float64)
+    both = np.array([sizes[own[name]] for name in types], dtype=np.float64)
     return both[:, 0], both[:, 1]
+
+
+def _inserted_type(name: str, known: Collection[str]) -> str:
+    """The type that a vehicle was inserted with: SUMO gives a vehicle with a value of its own a copy, type@vehicle."""
+    while name not in known and "@" in name:
+        name = name.rpartition("@")[0]
+    return name

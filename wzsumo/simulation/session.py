@@ -68,7 +68,7 @@ class Session:
         self._sumo.simulationStep()
 
     def resolve_gridlock(self) -> None:
-        """Let go a vehicle that has been shut in for long where lanes merge (see `gridlock`)."""
+        """Let others make way for a vehicle that has been shut in for long where lanes merge (see `gridlock`)."""
         self._gridlock.resolve()
 
     def traffic(self) -> Traffic:
