@@ -102,8 +102,8 @@ def test_an_error_by_a_lane_towards_closed_ground_says_nothing_of_receivers(
 
 def test_a_vehicle_does_as_the_one_before_with_a_chance_of_a_half_that_fades_with_the_gap() -> None:
     assert likeness(0.0) == pytest.approx(0.5)
-    assert likeness(2.0) == pytest.approx(0.5 / np.e)
-    assert likeness(30.0) < 1e-6
+    assert likeness(3.0) == pytest.approx(0.5 / np.e)
+    assert likeness(12.0) < 1e-6
     assert likeness(float("nan")) == 0.0
 
 

@@ -17,9 +17,8 @@ import numpy as np
 
 SHOWN_SHARE = 0.95  # r: of traces that show a change that is there
 ODD_SHARE = 0.02  # q: of traces that seem to show one that is not
-ALIKE = 0.5  # chance that a vehicle right behind another one does as that one does, and the time in which it fades: of
-PLATOON_S = 2.0  # SUMO's drivers at most 0.3 (1 to 2 s behind), 0.1 (2 to 4 s) and none beyond do so
-FOLLOWER_S = 3.0  # headways up to which a vehicle follows the one ahead (HCM 6th ed., ch. 15): it belongs to its platoon
+ALIKE = 0.5  # chance that a vehicle right behind another one does as that one does. Chosen by us, above what SUMO's drivers do
+FOLLOWER_S = 3.0  # headways up to which a vehicle follows the one ahead (HCM 6th ed., ch. 15), and belongs to its platoon
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -34,4 +33,4 @@ def bounded(log_ratio: float, odd: float) -> float:
 @numba.njit(cache=True, nogil=True, inline="always")
 def likeness(gap_s: float) -> float:
     """Chance that a trace that ends `gap_s` [s] after another one does as that one did; nan where there was none: 0."""
-    return 0.0 if np.isnan(gap_s) else ALIKE * np.exp(-max(gap_s, 0.0) / PLATOON_S)
+    return 0.0 if np.isnan(gap_s) else ALIKE * np.exp(-((max(gap_s, 0.0) / FOLLOWER_S) ** 2))
