@@ -60,6 +60,17 @@ def test_vehicle_that_is_passed_more_closely_already_is_in_the_way_only_where_it
     assert len(ways(outlook(slope=0.02), one_vehicle(5.0, beside, speed=10)).enters) == 1
 
 
+@pytest.mark.parametrize(("drifts_m", "found"), [(0.3, 0), (0.45, 0), (0.6, 1), (3.66, 1)])
+def test_vehicle_behind_on_the_line_is_in_the_way_only_of_an_ego_that_comes_over(drifts_m: float, found: int) -> None:
+    """It comes from behind, half in the next lane, 0.2 m between the sides: an ego that keeps its lane need not let it pass.
+
+    The path drifts over 200 m. For such a vehicle the ego braked at 6 m/s2 and stood in a live lane.
+    """
+    on_the_line = RIGHT + 0.93 + 0.925 + 0.2
+    ego = outlook(slope=drifts_m / 200, length_m=200)
+    assert len(ways(ego, one_vehicle(-100.0, on_the_line, speed=22)).enters) == found
+
+
 def test_driver_in_a_lane_that_ends_drifts_on_and_one_in_another_lane_does_not() -> None:
     # 0.5 m/s to the right for the 2 s until the ego is there.
     turned = float(np.arcsin(0.5 / 15))

@@ -42,8 +42,9 @@ def ways_of_others(
     of a lane that both share. They keep their place in their lane, wherever it leads, or move on to its middle where they move
     there; in a lane that ends, a slower driver ahead who drifts to one side drifts on for DRIFT_S. One behind who comes over to
     the ego's lane minds the ego. A vehicle is in the way where less than `side_margin_m` is left between the two sides; one
-    that drives beside the ego with less is in the way where it comes nearer by 0.1 m. A vehicle behind, in whose way the ego is
-    already, follows it and is left out.
+    that drives beside the ego with less is in the way where it comes nearer by 0.1 m. A vehicle behind is in the way where the
+    ego comes nearer to its way by `side_margin_m`: less is within a lane, and it sees the ego. One in whose way the ego is
+    already follows it and is left out.
     """
     traffic = traffic.near(outlook.state.x, outlook.state.y, reach_m=REACH_M)
     places = np.arange(0.0, REACH_M, PATH_STEP_M)
@@ -68,6 +69,8 @@ def ways_of_others(
     margin = np.clip(gap[:, :1] - 0.1, 0.1, side_margin_m) if gap.size else gap
     in_way = gap < np.where(gap[:, :1] > 0, margin, 0.1)
     follows = in_way[:, 0] & (stations < ego_s[0]) if in_way.size else np.zeros(len(stations), dtype=bool)
+    behind = stations + half_length < ego_s[0]
+    in_way &= ~behind[:, None] | (gap[:, :1] - gap > side_margin_m)
     kept = in_way.any(axis=1) & ~follows
     braking = np.minimum(traffic.accelerations, 0.0)[:, None] * np.minimum(times, BRAKING_LASTS_S)
     speeds = np.where(speed[:, None] > 0, np.maximum(speed[:, None] + braking, 0.0), speed[:, None])
