@@ -29,7 +29,7 @@ def delays(file: str, interval_s: str) -> str:
         f"| {row['kind'].replace('_', ' ')} | {row['error_m']} | {row['n']} | {row['median_traces']} / {row['p95_traces']} | "
         f"{row['missed']} | {row['right_kind']} | {bounds[_cell(row)]} | {naive.get(_cell(row), '')} | {row['size_rms_m']} | "
         f"{row['start_rms_m']} |"
-        for row in _rows(file)
+        for row in sorted(_rows(file), key=lambda row: float(row["error_m"]))
         if float(row["interval_s"]) == float(interval_s)
     ]
     return "\n".join(lines)
@@ -51,7 +51,7 @@ def young() -> str:
     lines += [
         f"| {row['mapped_traces']} traces | {row['error_m']} | {row['runs']} | "
         f"{row['young_alarms']} in {row['young_traces']} | {row['later_alarms']} in {row['later_traces']} | {row['by_kind']} | "
-        f"{row.get('mended', '')} |"
+        f"{row['mended']} |"
         for row in _rows("live_young.csv")
     ]
     return "\n".join(lines)
