@@ -5,13 +5,13 @@
 Input N of seed S is the same in every run: --only N makes it again and shows what it says. An input passes where it ends
 with 0, or with 2 and a line of printable characters a mistake, within 60 s of processor time and 4 GiB of address space beyond
 what the start takes, and leaves nothing half-written. Everything else is kept in OUT/failures; OUT/said.txt
-has a line an input, to be read for wrong words.
+has a line an input, to be read for wrong words. The same command goes on where it was stopped, or where --minutes had gone by
+(name another --out for other code): OUT/inputs_SEED.csv holds what was tried.
 """
 
 import argparse
 import contextlib
 import csv
-import io
 import json
 import os
 import random
@@ -21,10 +21,11 @@ import signal
 import sys
 import tempfile
 import time
-from collections import Counter
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from child import NOWHERE, load_commands, started
 from inputs import KINDS, REPOSITORY
 from known_answers import is_wrong, with_found
 from trace_inputs import drives
@@ -40,53 +41,54 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", choices=list(KINDS))
     parser.add_argument("--only", type=int)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="after which no further input is tried")
     parser.add_argument("--out", type=Path, default=Path("results/fuzz"))
     args = parser.parse_args()
-    numbers = range(args.inputs) if args.only is None else [args.only]
-    rows = fuzz(numbers, seed=args.seed, kind=args.kind, out=args.out, tells=args.only is not None)
-    print(*(",".join(map(str, row)) for row in rows), sep="\n")
-    sys.exit(any(row[1] not in {"done", "refused", "kind"} for row in rows[1:] if "total" not in row))
+    args.out.mkdir(parents=True, exist_ok=True)
+    tried = [] if args.only is not None else _tried_before(args.out, args.seed)
+    done = {row.number for row in tried}
+    numbers = [n for n in range(args.inputs) if n not in done] if args.only is None else [args.only]
+    for row in fuzz(numbers, seed=args.seed, kind=args.kind, out=args.out, minutes=args.minutes):
+        tried.append(row)
+        if args.only is None:
+            _write(tried, args.out, args.seed)  # what is tried stays where the run is stopped
+        else:
+            print((args.out / "failures" / f"{args.seed}_{row.number}.txt").read_text())
+    print(*(",".join(map(str, row)) for row in _counts(tried)), sep="\n")
+    sys.exit(any(row.ending not in {"done", "refused"} for row in tried))
 
 
-def fuzz(numbers: Any, *, seed: int, kind: str | None, out: Path, tells: bool = False) -> list[tuple[Any, ...]]:
-    """Rows (kind, ending, inputs, largest memory MB, longest s), written to OUT/counts.csv; failures to OUT/failures."""
+class Tried(NamedTuple):
+    """How an input ended."""
+
+    number: int
+    kind: str
+    ending: str
+    memory_mb: float
+    took_s: float
+
+
+def fuzz(numbers: Iterable[int], *, seed: int, kind: str | None, out: Path, minutes: float = float("inf")) -> Iterator[Tried]:
+    """How each input ended, one after the other; what it said is added to OUT/said.txt, failures to OUT/failures."""
     load_commands()
     (out / "failures").mkdir(parents=True, exist_ok=True)
-    counts: Counter[tuple[str, str]] = Counter()
-    most: dict[tuple[str, str], tuple[float, float]] = {}
+    until = time.monotonic() + 60 * minutes
+    numbers = list(numbers)
     with tempfile.TemporaryDirectory(prefix="fuzz-") as base:
-        needed = [kind] if kind else list(KINDS)
-        templates = _templates((out / "templates").resolve(), needed)
+        templates = _templates((out / "templates").resolve(), [kind] if kind else list(KINDS))
         for number in numbers:
+            if time.monotonic() > until:
+                break
             name = kind or _kind_of(number)
             chance = random.Random(f"{seed} {number} {name}")
-            ending, said, used = _tried(name, chance, Path(base), templates)
-            counts[name, ending] += 1
-            before = most.get((name, ending), (0.0, 0.0))
-            most[name, ending] = max(before[0], used[0]), max(before[1], used[1])
+            ending, said, (memory_mb, took_s) = _tried(name, chance, Path(base), templates)
             with (out / "said.txt").open("a", encoding="utf-8", errors="replace") as file:
                 file.write(f"{number} {name}, {ending}: {' '.join(said.splitlines()[2:])[-300:]}\n")
-            if tells or ending not in {"done", "refused"}:
+            if len(numbers) == 1 or ending not in {"done", "refused"}:
                 (out / "failures" / f"{seed}_{number}.txt").write_text(
                     f"{name}: {ending}\n{said}", encoding="utf-8", errors="replace"
                 )
-            if tells:
-                print(said)
-            _written(counts, most, out)  # what is counted stays where the run is stopped
-    return _written(counts, most, out)
-
-
-def load_commands() -> None:
-    """Load everything that commands load, once, before the processes part."""
-    import wzsumo.commands.export
-    import wzsumo.commands.init
-    import wzsumo.commands.layout
-    import wzsumo.commands.live
-    import wzsumo.commands.map
-    import wzsumo.commands.place
-    import wzsumo.commands.report
-    import wzsumo.commands.run
-    import wzsumo.commands.sweep  # noqa: F401 - loaded for the processes, not used here
+            yield Tried(number, name, ending, round(memory_mb, 1), round(took_s, 1))
 
 
 def _kind_of(number: int) -> str:
@@ -96,14 +98,31 @@ def _kind_of(number: int) -> str:
     return name if turn % 6 == 0 or name not in SLOW else "traces"
 
 
-def _written(
-    counts: "Counter[tuple[str, str]]", most: dict[tuple[str, str], tuple[float, float]], out: Path
-) -> list[tuple[Any, ...]]:
-    rows = [(name, ending, counts[name, ending], *(round(x, 1) for x in most[name, ending])) for name, ending in sorted(counts)]
-    table = [("kind", "ending", "inputs", "largest_mb", "longest_s"), *rows]
-    with (out / "counts.csv").open("w", newline="") as file:
-        csv.writer(file).writerows(table)
-    return table
+def _counts(tried: list[Tried]) -> list[tuple[Any, ...]]:
+    """Rows (kind, ending, inputs, largest memory MB, longest s), the first with the names of the columns."""
+    of: dict[tuple[str, str], list[Tried]] = {}
+    for row in tried:
+        of.setdefault((row.kind, row.ending), []).append(row)
+    rows = [
+        (*key, len(of[key]), max(row.memory_mb for row in of[key]), max(row.took_s for row in of[key])) for key in sorted(of)
+    ]
+    return [("kind", "ending", "inputs", "largest_mb", "longest_s"), *rows]
+
+
+def _write(tried: list[Tried], out: Path, seed: int) -> None:
+    for name, rows in ((f"inputs_{seed}.csv", [Tried._fields, *tried]), ("counts.csv", _counts(tried))):
+        with (out / name).open("w", newline="") as file:
+            csv.writer(file).writerows(rows)
+
+
+def _tried_before(out: Path, seed: int) -> list[Tried]:
+    """What an earlier run with this seed and folder has tried."""
+    path = out / f"inputs_{seed}.csv"
+    if not path.exists():
+        return []
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))[1:]
+    return [Tried(int(row[0]), row[1], row[2], float(row[3]), float(row[4])) for row in rows]
 
 
 def _templates(base: Path, kinds: list[str]) -> dict[str, Path]:
@@ -192,43 +211,22 @@ def _ending(code: int, said: str, folder: Path) -> str:
 
 
 def _in_process(words: list[str], *, limits: bool, cwd: Path | None = None) -> tuple[int, str, float]:
-    """(exit code or -signal, what it said on stderr, largest memory [MB]) of a command in a forked process."""
-    from wzsumo.cli import main as wzsumo
+    """(exit code or -signal, what it said on stderr, largest memory [MB]) of a command in a process of its own."""
+
+    def prepare() -> None:
+        if cwd is not None:
+            os.chdir(cwd)
+        if limits:
+            used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (used + LIMIT_BYTES, used + LIMIT_BYTES))
+            resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S + 5))
+            signal.alarm(10 * LIMIT_S)  # whatever waits for ever
 
     with tempfile.TemporaryFile() as said:
-        child = os.fork()
-        if child == 0:
-            code = 70
-            try:
-                os.setsid()
-                given = cwd / "stdin" if cwd is not None and (cwd / "stdin").is_file() else Path(os.devnull)
-                os.dup2(os.open(given, os.O_RDONLY), 0)
-                sys.stdin = io.TextIOWrapper(os.fdopen(0, "rb"))
-                printed = os.devnull if cwd is None else cwd / "stdout"
-                os.dup2(os.open(printed, os.O_WRONLY | os.O_CREAT), 1)
-                os.dup2(said.fileno(), 2)
-                sys.stdout, sys.stderr = (
-                    io.TextIOWrapper(os.fdopen(1, "wb")),
-                    io.TextIOWrapper(os.fdopen(2, "wb"), write_through=True),
-                )
-                if cwd is not None:
-                    os.chdir(cwd)
-                if limits:
-                    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-                    resource.setrlimit(resource.RLIMIT_AS, (used + LIMIT_BYTES, used + LIMIT_BYTES))
-                    resource.setrlimit(resource.RLIMIT_CPU, (LIMIT_S, LIMIT_S + 5))
-                    signal.alarm(10 * LIMIT_S)  # whatever waits for ever
-                wzsumo(words)
-            except SystemExit as ended:
-                code = int(ended.code or 0)
-            except BaseException:  # noqa: BLE001 - it is what is looked for
-                import traceback
-
-                traceback.print_exc()
-            finally:
-                with contextlib.suppress(Exception):
-                    sys.stderr.flush()
-                os._exit(code)
+        given = cwd / "stdin" if cwd is not None and (cwd / "stdin").is_file() else NOWHERE
+        child = started(
+            words, said=said.fileno(), given=given, printed=NOWHERE if cwd is None else cwd / "stdout", prepare=prepare
+        )
         _, status, usage = os.wait4(child, 0)
         with contextlib.suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)

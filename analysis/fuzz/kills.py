@@ -13,24 +13,20 @@ Commands run in processes that part from this one, which has loaded all modules:
 
 import argparse
 import csv
-import io
 import os
 import random
 import shutil
 import signal
-import sys
 import time
-import traceback
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
-from fuzz import load_commands
+from child import load_commands, started
 from networks import FREEWAY, REPOSITORY
 from trace_inputs import drives
 
-from wzsumo.cli import main as wzsumo
 from wzsumo.files.placing import FINISHED, settle
 from wzsumo.files.work_folder import PREFIX
 
@@ -181,27 +177,9 @@ def _finished(name: str, base: Path) -> tuple[Path, Path, float]:
 
 
 def _started(words: list[str], base: Path) -> int:
-    """The number of a process that runs a command."""
-    child = os.fork()
-    if child:
-        return child
-    code = 70
-    try:
-        os.setsid()
-        nowhere, told = os.open(os.devnull, os.O_RDWR), os.open(base / "said.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        for number, target in ((0, nowhere), (1, nowhere), (2, told)):
-            os.dup2(target, number)
-        sys.stdin, sys.stdout, sys.stderr = (
-            io.TextIOWrapper(os.fdopen(n, mode)) for n, mode in ((0, "rb"), (1, "wb"), (2, "wb"))
-        )
-        wzsumo(words)
-    except SystemExit as ended:
-        code = int(ended.code or 0)
-    except BaseException:  # noqa: BLE001 - it is what is looked for
-        traceback.print_exc()
-    finally:
-        sys.stderr.flush()
-        os._exit(code)
+    """The number of a process that runs a command and writes what it says to BASE/said.txt."""
+    with (base / "said.txt").open("wb") as told:
+        return started(words, said=told.fileno())
 
 
 def _code(process: int) -> int:
