@@ -23,6 +23,7 @@ from wzsumo.commands.terminal.completion import SHELLS, completion_option
 from wzsumo.commands.terminal.progress import telling_of_compiling
 from wzsumo.commands.terminal.streams import open_standard_streams, printing
 from wzsumo.commands.terminal.words import lines_of
+from wzsumo.ending_signals import ENDING_SIGNALS
 from wzsumo.errors import InputError, check_name, did_you_mean, one_line
 from wzsumo.files.placing import keeping
 
@@ -57,9 +58,6 @@ COMMANDS = {
     "schema": "print the JSON Schema of scenario or study files, for editors",
     "warm": "compile all kernels once (set-up does it)",
 }
-
-
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Stopped(KeyboardInterrupt):

@@ -114,15 +114,27 @@ def did_you_mean(given: str, known: Iterable[str], *, cutoff: float = 0.75) -> s
     return f" (did you mean {' or '.join(near)}?)" if near else ""
 
 
-def check_name(path: Path) -> None:
-    """Raise InputError where nothing can be found out about a path, not even whether it is there: its name is too long, say."""
+def check_name(path: Path, *, named_by: str = "") -> None:
+    """Raise InputError where nothing can be found out about a path, not even whether it is there: its name is too long, say.
+
+    `named_by` is the key of a file that names it.
+    """
     try:
         path.stat()
     except FileNotFoundError:
         return
     except (OSError, ValueError) as failed:  # ValueError: a NUL in the name
         if getattr(failed, "errno", None) not in _MAY_BE_MISSING:
-            raise InputError(f"{shown(str(path))}: {_reason(failed)}; name another file or folder") from None
+            name = ": ".join(filter(None, (named_by, shown(str(path)))))
+            raise InputError(f"{name}: {_reason(failed)}; name another file or folder") from None
+
+
+def is_file(path: Path) -> bool:
+    """Whether an input that names a file names one that is there; a name that no file can have names none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def check_file(path: Path, *, error: type[InputError], remedy: str, max_bytes: float = float("inf")) -> None:

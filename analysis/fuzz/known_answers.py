@@ -165,7 +165,7 @@ def _parquet(traces: Table, path: Path, rng: random.Random) -> Path:
     try:
         traces.to_parquet(path)
     except (ValueError, TypeError):  # Arrow has no kind for a column of mixed values
-        traces.astype(str).to_parquet(path)
+        traces.map(str).to_parquet(path)
     return path
 
 

@@ -141,7 +141,7 @@ def test_python_of_the_guide_runs_in_the_order_of_its_pages(desk: Path, monkeypa
 
 def test_toml_of_the_guide_is_taken(desk: Path) -> None:
     (desk / "scenarios" / "studies").mkdir()
-    (study,) = blocks(GUIDE / "studies.md", "toml")
+    study, _ = blocks(GUIDE / "studies.md", "toml")  # the other is a pyproject.toml
     Path("scenarios/studies/STUDY.toml").write_text(study)
     assert len(load_study(desk / "scenarios" / "studies" / "STUDY.toml").cases) > 4
     (place,) = blocks(GUIDE / "place.md", "toml")

@@ -106,7 +106,8 @@ def test_layout_as_it_should_be_is_read(tmp_path: Path) -> None:
     assert (run.span, run.polygons["drivable"].area) == ((0.0, 9.0), 81.0)
 
 
-RESULT: dict[str, Any] = {"scenario": "s", "seed": 1, "version": "0.1.0", "methods": {"swept": {"planned": {}, "driven": None}}}
+METHODS: dict[str, Any] = {"swept": {"planned": {}, "driven": None}}
+RESULT: dict[str, Any] = {"scenario": "s", "seed": 1, "version": "0.1.0", "format": 1, "methods": METHODS}
 
 
 def write_run(folder: Path, **changes: Any) -> ResultFolder:
@@ -118,6 +119,14 @@ def write_run(folder: Path, **changes: Any) -> ResultFolder:
     (folder / "layout.geojson").write_text(json.dumps(layout()))
     (folder / "result.json").write_text(json.dumps(result))
     return read_result_folder(folder)
+
+
+@pytest.mark.parametrize("other", [..., 2, "1", None, [1]])
+def test_result_of_another_format_is_refused_with_both_formats(tmp_path: Path, other: Any) -> None:
+    with pytest.raises(
+        InputError, match=r"result\.json: written by another version .*'0\.1\.0'.*this one reads format 1.*again"
+    ):
+        write_run(tmp_path, format=other)
 
 
 def test_run_with_all_that_its_result_tells_of_is_read(tmp_path: Path) -> None:

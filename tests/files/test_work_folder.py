@@ -2,6 +2,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from signal_at_each_line import interrupted_at_each_line
+
 from wzsumo.files.work_folder import PREFIX, remove_leftovers, work_folder
 
 HOLD = """
@@ -53,3 +55,13 @@ def test_nothing_of_other_people_is_deleted(tmp_path: Path) -> None:
     before = sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*"))
     remove_leftovers(tmp_path)
     assert sorted(path.relative_to(tmp_path) for path in tmp_path.rglob("*")) == before
+
+
+def test_signal_at_any_line_leaves_no_folder(tmp_path: Path) -> None:
+    def act() -> None:
+        with work_folder(tmp_path) as folder:
+            (folder / "begun").write_text("x")
+
+    for line in interrupted_at_each_line(act, files=("files/work_folder.py", "ending_signals.py")):
+        assert list(tmp_path.iterdir()) == [], line
+    assert line > 20

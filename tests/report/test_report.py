@@ -88,7 +88,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "plan_ms": 12.3,
         },
     }
-    result = {"scenario": HOSTILE, "seed": 7, "version": "0.1.0", "n_traces": 2, "n_components": 2, "n_components_rule": "bic"}
+    result = {"scenario": HOSTILE, "seed": 7, "version": "0.1.0", "format": 1}
+    result |= {"n_traces": 2, "n_components": 2, "n_components_rule": "bic"}
     fleet = {"n_vehicles": 40, "merge_position_m": {"q10": -200.0, "q50": -80.4, "q90": None}}
     not_run = {"slam": f"no LiDAR {HOSTILE}"}
     _write_json(

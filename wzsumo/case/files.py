@@ -16,6 +16,7 @@ from wzsumo.case.crowd import Crowd
 from wzsumo.case.evaluation import MethodResult
 from wzsumo.errors import SpecError
 from wzsumo.files.layout import write_layout
+from wzsumo.files.result_folder import RESULT_FORMAT
 from wzsumo.files.ros_map import write_map
 from wzsumo.metrics.network_traffic import network_figures
 from wzsumo.metrics.traffic import TrafficMeasures
@@ -53,6 +54,7 @@ def result_json(result: CaseResult) -> dict[str, Any]:
         "scenario": scenario.name,
         "seed": scenario.seed,
         "version": __version__,
+        "format": RESULT_FORMAT,
         "n_collected": int(result.collected["vehicle_id"].nunique()),
         "n_traces": int((result.crowd.traces if result.crowd else result.collected)["vehicle_id"].nunique()),
         "n_components": result.crowd.mixture.n_components if result.crowd and result.crowd.is_fitted else None,

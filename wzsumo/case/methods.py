@@ -1,4 +1,7 @@
-"""The map methods. One call of `register` makes a method appear wherever methods are named."""
+"""The map methods. One call of `register` makes a method appear wherever methods are named.
+
+The processes of a sweep know those of this module and those of installed packages (see `method_packages`).
+"""
 
 from collections.abc import Iterable
 
@@ -20,10 +23,12 @@ from wzsumo.case.map_method import (
     lines_of_lanes,
     lines_of_traces,
 )
+from wzsumo.case.method_packages import GROUP, packaged_methods
 from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 from wzsumo.crowd_mapping.lanes.raster import occupancy_grid
 from wzsumo.crowd_mapping.mixture.maps import squares_map, swept_map
-from wzsumo.errors import SpecError, did_you_mean
+from wzsumo.errors import SpecError, did_you_mean, shown
+from wzsumo.files.result_folder import METHOD_NAME
 from wzsumo.grid import OccupancyGrid, cells_inside
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.scenario.scenario import Scenario
@@ -36,10 +41,13 @@ DEFAULT_METHOD = "lanes"  # for a map of a trace file or table
 PAPER_INFLATION_M = 0.7  # Chen et al. 2022, both mapping branches; the paper plans for a point on that map
 
 METHODS: dict[str, MapMethod] = {}  # by name, in the order in which they are shown
+ORIGINS: dict[str, str] = {}  # of the methods that every process knows: "" of this module, else package, version and hash
 
 
 def register(method: MapMethod) -> MapMethod:
-    """The method, known by its name from now on. Raises SpecError where another one has that name."""
+    """The method, known by its name from now on. Raises SpecError where another has that name, or no file can have it."""
+    if not METHOD_NAME.fullmatch(method.name):
+        raise SpecError(f"map method {shown(method.name)}: a name has letters, digits, _, . and -, for files are called by it")
     if METHODS.get(method.name, method) is not method:
         raise SpecError(f"map method {method.name}: there is one of that name; give this one another name")
     METHODS[method.name] = method
@@ -51,6 +59,15 @@ def method_named(name: str) -> MapMethod:
     if name not in METHODS:
         raise SpecError(f"method {name}: unknown{did_you_mean(name, METHODS)}; known methods: {', '.join(METHODS)}")
     return METHODS[name]
+
+
+def refuse_unknown_to_workers(names: Iterable[str]) -> None:
+    """Raise SpecError where a method was registered by the program that runs, which workers do not run."""
+    if unknown := sorted(set(names) - ORIGINS.keys()):
+        raise SpecError(
+            f"method {', '.join(unknown)}: registered by this program, which workers do not run; name it as an entry "
+            f"point of the group {GROUP} in an installed package (docs/guide/studies.md)"
+        )
 
 
 def methods_from(*sources: Source) -> dict[str, MapMethod]:
@@ -157,4 +174,6 @@ for _method in (
     MapBeforeMethod(name="hd_map", title="HD map of before", make=map_of_before),
     MapBeforeMethod(name="hd_map_devices", title="HD map of before, devices marked", make=map_of_before_with_devices),
 ):
-    register(_method)
+    ORIGINS[register(_method).name] = ""
+for _of_package, _origin in packaged_methods():
+    ORIGINS[register(_of_package).name] = _origin

@@ -23,7 +23,7 @@ from wzsumo.sweep.results import RESULTS, read_results
 from wzsumo.sweep.store import MANIFEST
 from wzsumo.sweep.study_file import Study, load_study
 from wzsumo.sweep.sweep import AddFinished, run_sweep
-from wzsumo.sweep.version import code_version
+from wzsumo.sweep.version import code_of_workers
 from wzsumo.sweep.workers import LocalWorkers
 
 MORE = """\
@@ -55,7 +55,9 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
         finished = set(read_results(args.out)["case"]) if (args.out / RESULTS).is_file() else set()
         work = estimate(study, finished=finished)
         return asdict(work) | {"workers": cores, "about_s": round(work.wall_clock_s(cores), 1)}
-    pool = ClusterWorkers(args.scheduler, version=code_version) if args.scheduler else LocalWorkers(cores, tells=not args.quiet)
+    pool = (
+        ClusterWorkers(args.scheduler, version=code_of_workers) if args.scheduler else LocalWorkers(cores, tells=not args.quiet)
+    )
     summary = run_sweep(study, args.out, workers=pool, progress=_untold if args.quiet else case_progress, tell=print_message)
     if summary.n_refused == summary.n_cases:
         reason = read_results(args.out)["reason"].iloc[0]

@@ -3,14 +3,12 @@
 import errno
 import io
 import os
-import signal
-import threading
 from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
+from wzsumo.ending_signals import uninterrupted
 from wzsumo.errors import OutputError
 from wzsumo.files.placing import place, refuse_in_the_way, refuse_kept
 from wzsumo.files.work_folder import work_folder
@@ -110,27 +108,6 @@ def writing_to(out: Path, *, only: Container[int] | None = None) -> Iterator[Non
             raise OutputError(f"{out}: {NO_ROOM[number]}; what was there stays: make room and run it again") from None
         reason = failed.strerror if isinstance(failed, OSError) else failed
         raise OutputError(f"{out}: cannot be written to ({reason}); name a folder that you may write to") from None
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Hold back what signals that end a program do until the end of the block."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-
-    def note(number: int, _frame: FrameType | None) -> None:
-        came.append(number)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        for first in came[:1]:
-            signal.raise_signal(first)
 
 
 def refuse_links(out: Path, folders: Iterable[str]) -> None:

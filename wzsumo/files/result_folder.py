@@ -1,6 +1,7 @@
 """ResultFolder: the files of one run, as its report reads them."""
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
 from wzsumo import __version__
-from wzsumo.errors import MAX_SHOWN, InputError, check_file, one_line, reading
+from wzsumo.errors import MAX_SHOWN, InputError, check_file, one_line, reading, shown
 from wzsumo.files.geojson import collection_in_metres
 from wzsumo.files.placing import settle
 from wzsumo.files.ros_map import read_map
@@ -32,17 +33,11 @@ REMEDY = "run the scenario again"
 RESULT = "result.json"
 NEEDED_FILES = (RESULT, LAYOUT, "traces.parquet")
 MIXTURE_FILES = ("mixture_sweep.csv", "mixture.json", "samples.csv")
+RESULT_FORMAT = 1  # of result.json; it grows where a key gets another meaning or goes
 NEEDED_KEYS = ("scenario", "seed", "version", "methods")
-OBJECTS = (
-    "methods",
-    "fleet",
-    "traffic",
-    "network",
-    "drivers",
-    "slam",
-    "not_run",
-    "timings_s",
-)  # of result.json, where they are there
+METHOD_NAME = re.compile(r"(?!\.)[\w.-]{1,100}")  # files are called by it
+# Of result.json, where they are there.
+OBJECTS = ("methods", "fleet", "traffic", "network", "drivers", "slam", "not_run", "timings_s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,8 +254,13 @@ def _check_result(result: Mapping[str, Any], path: Path) -> None:
     """Raise InputError where an object is not the content of a run's result.json."""
     if missing := [key for key in NEEDED_KEYS if key not in result]:
         raise InputError(f"{path}: {', '.join(missing)} missing; it is no result of wzsumo {__version__}: {REMEDY}")
+    if result.get("format") != RESULT_FORMAT:
+        given = f"wzsumo {shown(result['version'])}, format {shown(result.get('format'))}"
+        raise InputError(f"{path}: written by another version ({given}; this one reads format {RESULT_FORMAT}); {REMEDY}")
     parts = {key: result[key] for key in OBJECTS if result.get(key) is not None}
     if isinstance(result["methods"], dict):
+        if wrong := [name for name in result["methods"] if not METHOD_NAME.fullmatch(name)]:
+            raise InputError(f"{path}: methods: {shown(wrong[0])} is no name of a map method, and of its files; {REMEDY}")
         parts |= {f"methods.{name}": figures for name, figures in result["methods"].items()}
     for key, value in ({"methods": None} | parts).items():
         if not isinstance(value, dict):

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from wzsumo.ending_signals import uninterrupted
 from wzsumo.errors import OutputError
 from wzsumo.files.placing import settle
 
@@ -27,12 +28,14 @@ def work_folder(parent: Path) -> Iterator[Path]:
     """
     settle(parent)
     remove_leftovers(parent)
-    folder, lock = _locked_folder(parent)
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        os.close(lock)
+    with uninterrupted() as interruptible:
+        folder, lock = _locked_folder(parent)
+        try:
+            with interruptible():
+                yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+            os.close(lock)
 
 
 @contextmanager

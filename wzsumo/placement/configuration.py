@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
-from wzsumo.errors import PlacementError
+from wzsumo.errors import MAX_SHOWN, PlacementError, is_file, one_line, reading
 from wzsumo.placement.demand_files.vehicle_sizes import VehicleSize, sizes_on_roads
 from wzsumo.placement.demand_files.vehicles import seconds_in
 from wzsumo.placement.xml_file import Edits, Element, XmlFile, escaped
@@ -150,9 +150,10 @@ class ConfigurationFolder:
     def make_folders(self, outputs: Iterable[str]) -> None:
         """Make the folders within this one to which outputs of these names go: SUMO makes none, and ends without them."""
         for name in outputs:
-            parent = (self.folder / name).parent.resolve()
-            if parent.is_relative_to(self.folder.resolve()):
-                parent.mkdir(parents=True, exist_ok=True)
+            with reading(Path(name), error=PlacementError, remedy="give the output another name"):
+                parent = (self.folder / name).parent.resolve()
+                if parent.is_relative_to(self.folder.resolve()):
+                    parent.mkdir(parents=True, exist_ok=True)
 
     def write_config(self, *, first: list[str], last: list[str]) -> None:
         """Write the configuration; `first` and `last` are additional files of the toolkit's, before and behind the others.
@@ -185,9 +186,10 @@ def _files_of(name: str, value: str, config: Path) -> tuple[Path, ...]:
         return ()
     parts = [part.strip() for part in value.split(",") if part.strip()]
     paths = tuple(config.parent / part for part in parts)
-    missing = [path for path in paths if not path.is_file()]
+    missing = [path for path in paths if not is_file(path)]
     if missing and name in REQUIRED:
-        raise PlacementError(f"{config}: {name} names {missing[0]}, which is no file; mend the name or add the file")
+        named = one_line(str(missing[0]), limit=MAX_SHOWN)
+        raise PlacementError(f"{config}: {name} names {named}, which is no file; mend the name or add the file")
     return () if missing else tuple(path.resolve() for path in paths)
 
 

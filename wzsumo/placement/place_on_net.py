@@ -18,7 +18,7 @@ def edge_at(net: Net, edge_id: str, position: float) -> tuple[NetEdge, float]:
     if edge is None or edge.is_internal:
         n_edges = sum(not edge.is_internal for edge in net.edges.values())
         raise PlacementError(
-            f"--at {edge_id}: the network has no such edge; give the id of one of its {n_edges} edges, as in "
+            f"--at {one_line(edge_id, limit=MAX_SHOWN)}: the network has no such edge; give the id of one of its {n_edges} edges, as in "
             f"{net.file.path.name} or sumo-gui"
         )
     if not -edge.length <= position <= edge.length:

@@ -6,6 +6,7 @@ from typing import Any, Self
 
 from pydantic import Field, model_validator
 
+from wzsumo.errors import check_name
 from wzsumo.spec import Spec
 from wzsumo.work_zone import Side
 
@@ -55,11 +56,17 @@ class NetworkSection(Spec):
 
 
 def beside(content: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The section's content with its files named from `folder`, as paths that hold anywhere."""
+    """The section's content with its files named from `folder`, as paths that hold anywhere.
 
-    def found(value: object) -> object:
+    Raises InputError where no file can be called so.
+    """
+
+    def found(key: str, value: object) -> object:
         if isinstance(value, list):
-            return [found(item) for item in value]
-        return str((folder / value).resolve()) if isinstance(value, str) else value
+            return [found(key, item) for item in value]
+        if not isinstance(value, str):
+            return value
+        check_name(folder / value, named_by=f"network.{key}")
+        return str((folder / value).resolve())
 
-    return {key: found(value) if key in _FILES else value for key, value in content.items()}
+    return {key: found(key, value) if key in _FILES else value for key, value in content.items()}

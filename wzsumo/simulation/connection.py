@@ -14,8 +14,9 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
+from wzsumo.ending_signals import uninterrupted
 from wzsumo.errors import DisplayError, SimulationError, SumoMissingError
 
 WINDOW_DELAY_MS = 40  # a step of 50 ms then takes about real time, with 10 ms for drawing
@@ -52,7 +53,7 @@ def connected_program(arguments: Sequence[str], *, folder: Path) -> Iterator[Any
     command = [str(sumo_binary("sumo")), *arguments, "--remote-port", str(port)]
     ended_early = False
     with tempfile.TemporaryFile("w+") as errors:
-        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=errors) as process:
+        with _started(command, errors) as process:
             try:
                 with redirect_stdout(io.StringIO()):  # traci prints each try
                     api = _connect(traci, port, process)
@@ -61,9 +62,6 @@ def connected_program(arguments: Sequence[str], *, folder: Path) -> Iterator[Any
                 api.close()
             except traci.FatalTraCIError:
                 ended_early = True
-            except BaseException:
-                process.kill()  # an interrupted program leaves no SUMO behind
-                raise
         # SUMO that writes to a full disk ends in one of two ways: killed, or with 0 and files that are cut short.
         if process.returncode == -signal.SIGXFSZ or shutil.disk_usage(folder).free < LEAST_FREE_BYTES:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
@@ -124,6 +122,21 @@ def sumo_binary(name: str) -> Path:
     if not os.access(program, os.X_OK):
         raise SumoMissingError(f"SUMO's program {name} is not at {program}; {REMEDY}")
     return program
+
+
+@contextmanager
+def _started(command: Sequence[str], errors: IO[str]) -> Iterator["subprocess.Popen[bytes]"]:
+    """A process of SUMO, which has ended at the end of the block: by itself, or killed where the block raises."""
+    with uninterrupted() as interruptible:
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=errors)
+        try:
+            with interruptible():
+                yield process
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            process.wait()
 
 
 def _connect(traci: Any, port: int, process: "subprocess.Popen[bytes]") -> Any:

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import Field, ValidationError
 
 from wzsumo.case.methods import METHODS
-from wzsumo.errors import SpecError, did_you_mean, shown
+from wzsumo.errors import SpecError, check_name, did_you_mean, shown
 from wzsumo.scenario.library import scenario_file, study_file
 from wzsumo.scenario.scenario import FITTING_SECTIONS, Scenario, load_scenario, misfits_of
 from wzsumo.spec import MAX_MISTAKES, Spec, describe_mistakes, known_keys, parse_spec, read_toml
@@ -71,6 +71,7 @@ def load_study(path: Path) -> Study:
 def _base(name: str, folder: Path) -> Path:
     """The file of a base scenario: beside the study file, else of the library."""
     beside = folder / name
+    check_name(beside, named_by="scenarios")
     return beside if beside.suffix or beside.exists() else scenario_file(name)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from wzsumo.case.methods import refuse_unknown_to_workers
 from wzsumo.sweep.results import write_results
 from wzsumo.sweep.store import open_store
 from wzsumo.sweep.study_file import Study
@@ -46,8 +47,9 @@ def run_sweep(
 
     Finished cases stay in the folder even where the sweep is interrupted. `progress` is called with the number of finished
     cases and of all cases. It gives a function that is called with the number of cases of each finished batch. `tell` is
-    called with each message for the user.
+    called with each message for the user. Raises SpecError where workers do not know a method.
     """
+    refuse_unknown_to_workers(case.method for case in study.cases)
     with open_store(folder, study, tell=tell, cache_limit_mb=cache_limit_mb) as store:
         rows = store.finished()
         n_found = sum(case.id in rows for case in study.cases)

@@ -1,10 +1,11 @@
-"""code_version: names the code that decides results. Editing a map method changes it; editing a report does not."""
+"""code_version names the code that decides results. Editing a map method changes it; editing a report does not."""
 
 import hashlib
 from functools import cache
 from pathlib import Path
 
 import wzsumo
+from wzsumo.case.methods import ORIGINS
 
 # These start the work or present its results. A change there leaves finished results valid.
 PRESENTING_FOLDERS = ("commands", "figures", "report", "sweep")
@@ -16,6 +17,11 @@ PRESENTING_MODULES = ("__init__.py", "__main__.py", "api.py", "cli.py")  # at th
 def code_version() -> str:
     """Version of the package and a hash of all modules that decide results."""
     return f"{wzsumo.__version__}+{digest_of(Path(wzsumo.__file__).parent)}"
+
+
+def code_of_workers() -> str:
+    """Version of the code that a worker must have: ours, and that of the packages with map methods."""
+    return " ".join([code_version(), *sorted(filter(None, ORIGINS.values()))])
 
 
 def digest_of(package: Path) -> str:

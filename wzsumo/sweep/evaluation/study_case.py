@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from wzsumo.case.map_method import MapMethod, Source
-from wzsumo.case.methods import METHODS
+from wzsumo.case.methods import METHODS, ORIGINS
 from wzsumo.scenario.facility import content_of
 from wzsumo.scenario.scenario import Scenario, keys_that_decide, sections_that_decide
 from wzsumo.scenario.sections import CrowdSpec, Decides
@@ -40,7 +40,7 @@ class StudyCase:
     @cached_property
     def id(self) -> str:
         """Name of the case: a hash of everything that decides its result, the version of the code included."""
-        return _digest(self.scenario.model_dump(mode="json", exclude={"name"}), self._files, self.method, self.drive)
+        return _digest(self.scenario.model_dump(mode="json", exclude={"name"}), self._files, self._method_code, self.drive)
 
     @cached_property
     def simulation(self) -> str:
@@ -60,7 +60,12 @@ class StudyCase:
     @cached_property
     def evaluation(self) -> str:
         """Name of map, plan and drive. Cases share them where they differ only in keys that their method does not use."""
-        return _digest(self.source, self._content(Decides.SITE, Decides.DRIVE), self.method, self.drive)
+        return _digest(self.source, self._content(Decides.SITE, Decides.DRIVE), self._method_code, self.drive)
+
+    @property
+    def _method_code(self) -> str:
+        """The method's name, and the origin of one that `code_version` does not cover."""
+        return " ".join(filter(None, (self.method, ORIGINS.get(self.method))))
 
     @cached_property
     def _files(self) -> str:
