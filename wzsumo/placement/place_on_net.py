@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from wzsumo.errors import PlacementError, SpecError
+from wzsumo.errors import MAX_SHOWN, PlacementError, SpecError, one_line
 from wzsumo.frames import FloatArray
 from wzsumo.geography import LocalFrame
 from wzsumo.placement.net import Net, NetEdge
@@ -16,9 +16,9 @@ def edge_at(net: Net, edge_id: str, position: float) -> tuple[NetEdge, float]:
     """(edge, position from its beginning [m]); raises PlacementError where the network has none such."""
     edge = net.edges.get(edge_id)
     if edge is None or edge.is_internal:
-        n_edges = sum(not edge.is_internal for edge in net.edges.values())
+        n_edges, named = sum(not edge.is_internal for edge in net.edges.values()), one_line(edge_id, limit=MAX_SHOWN)
         raise PlacementError(
-            f"--at {one_line(edge_id, limit=MAX_SHOWN)}: the network has no such edge; give the id of one of its {n_edges} edges, as in "
+            f"--at {named}: the network has no such edge; give the id of one of its {n_edges} edges, as in "
             f"{net.file.path.name} or sumo-gui"
         )
     if not -edge.length <= position <= edge.length:

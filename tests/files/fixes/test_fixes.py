@@ -301,6 +301,10 @@ REFUSED = {
         ["seem exchanged", "times as fast as they report"],
     ),
     "semicircles or e7": (receiver(DRIVE).drop(columns="speed(mph)"), ["no degrees", "lat_e7=LAT", "lat_semicircles=LAT"]),
+    "semicircles or e7, exchanged": (
+        receiver(DRIVE).drop(columns="speed(mph)").rename(columns={"LAT": "LON", "LON": "LAT"}),
+        ["no degrees", "lat_e7=LON lon_e7=LAT", "lat_semicircles=LAT lon_semicircles=LON"],
+    ),
     "no widths": (metres(DRIVE).assign(width_m=0.0), ["width_m of row 0 is 0", "80 of 80 rows"]),
     "widths in centimetres": (metres(DRIVE).assign(width_m=180.0), ["median of width_m is 180", "width_cm=width_m"]),
 }  # fmt: skip
@@ -324,6 +328,18 @@ def test_remedies_that_messages_name_help(tmp_path: Path) -> None:
     assert read(tmp_path / "b.csv", late, columns={"time_ms": "time_s"}).table["time_s"].max() == pytest.approx(44.0)
     swapped = provider(DRIVE).rename(columns=SWAP)
     assert_is_the_drive(read(tmp_path / "c.csv", swapped, columns={"lat": "longitude", "lon": "latitude"}))
+
+
+@pytest.mark.parametrize(
+    ("ids", "doubted"), [((" 1", "1 "), True), (("1", "1 "), True), ((" 1", " 2"), False), ((" 7", "12"), False)]
+)
+def test_ids_that_differ_in_spaces_alone_are_one_vehicle_with_a_doubt(
+    tmp_path: Path, ids: tuple[str, str], doubted: bool
+) -> None:
+    tables = [metres(DRIVE).assign(vehicle_id=each, time_s=lambda t, n=n: t["time_s"] + 900 * n) for n, each in enumerate(ids)]
+    found = read(tmp_path / "a.csv", pd.concat(tables))
+    assert any("differ from others in spaces alone" in doubt for doubt in found.doubts) == doubted
+    assert found.table["vehicle_id"].nunique() == (1 if doubted else 2)
 
 
 def test_files_of_different_kinds_or_crs_are_refused_together(tmp_path: Path) -> None:

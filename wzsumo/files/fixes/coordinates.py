@@ -126,10 +126,15 @@ def _degrees(
         return raw, ()
     names = f"{columns[1].name} {raw[0, 1]:g} and {columns[0].name} {raw[0, 0]:g}"
     fitting: dict[str, float] = {}  # how far the speeds are off, as a logarithm; 0 where none are reported
+    remedies: dict[str, str] = {}
     for unit_name, per_unit in DEGREES_PER_UNIT.items():
-        degrees = raw * per_unit
-        if 1.0 < size.max() * per_unit <= 180 and size[1] * per_unit <= MAX_LATITUDE_DEG:
-            points = local_frame(degrees).from_lonlat(degrees)
+        # What can be no latitude may be a longitude: then the columns are exchanged.
+        exchanged = bool(size[1] * per_unit > MAX_LATITUDE_DEG >= size[0] * per_unit)
+        ways = raw[:, ::-1] if exchanged else raw
+        of_lon, of_lat = columns[::-1] if exchanged else columns
+        remedies[unit_name] = f"--columns lat_{unit_name}={of_lat.name} lon_{unit_name}={of_lon.name}"
+        if 1.0 < size.max() * per_unit <= 180 and (exchanged or size[1] * per_unit <= MAX_LATITUDE_DEG):
+            points = local_frame(ways * per_unit).from_lonlat(ways * per_unit)
             off = abs(np.log(steps.ratio_to(reported, points))) if reported is not None else 0.0
             if not off > UNIT_TOLERANCE and 1.0 < steps.usual_speed(points) < MAX_USUAL_MPS:
                 fitting[unit_name] = off
@@ -137,7 +142,7 @@ def _degrees(
     if best and (len(best) == 1 or fitting[best[0]] < fitting[best[1]] / 2):
         per_unit = DEGREES_PER_UNIT[best[0]]
         return raw * per_unit, (f"{names} are read as {best[0]} ({per_unit:.3g} degrees a unit), by the speeds",)
-    tried = " or ".join(f"--columns lat_{u}={columns[1].name} lon_{u}={columns[0].name}" for u in fitting or DEGREES_PER_UNIT)
+    tried = " or ".join(remedies[unit_name] for unit_name in fitting or remedies)
     raise TraceError(f"{source}: {names} are no degrees; say what they are: {tried}")
 
 

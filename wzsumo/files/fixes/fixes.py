@@ -150,7 +150,11 @@ def _ids(raw: pd.DataFrame, found: dict[str, Column], *, drive: str | None, word
             return None
         if isinstance(first, bytes):
             ids = ids.map(lambda each: each.decode("utf-8", "backslashreplace"), na_action="ignore")
-        spaced = [each for each in ids.dropna().unique() if isinstance(each, str) and each != each.strip()]
+        known = [each for each in ids.dropna().unique() if isinstance(each, str)]
+        spaced = [each for each in known if each != each.strip()]
+        bare = {each.strip() for each in known if each.strip()}
+        if merged := len([each for each in known if each.strip()]) - len(bare):
+            words.doubts.append(f"{merged} vehicle ids differ from others in spaces alone and are taken for the same vehicles")
         return ids.replace({each: each.strip() or None for each in spaced}) if spaced else ids
     if drive is None or "time" not in found or raw.empty:
         return None
