@@ -23,8 +23,7 @@ from wzsumo.commands.terminal.completion import SHELLS, completion_option
 from wzsumo.commands.terminal.progress import telling_of_compiling
 from wzsumo.commands.terminal.streams import open_standard_streams, printing
 from wzsumo.commands.terminal.words import lines_of
-from wzsumo.ending_signals import ENDING_SIGNALS
-from wzsumo.errors import InputError, check_name, did_you_mean, one_line
+from wzsumo.errors import ENDING_SIGNALS, InputError, check_name, did_you_mean, one_line
 from wzsumo.files.placing import keeping
 
 # One thread per library: matrices here are small, and more threads make the fits slower.

@@ -1,16 +1,24 @@
-"""Named errors, and what they show of the input. An `InputError` is one that the user can remedy: exit code 2."""
+"""Named errors, what they show of the input, and how signals that end a program are held back.
+
+An `InputError` is one that the user can remedy: exit code 2.
+"""
 
 import difflib
 import errno
 import reprlib
+import signal
 import struct
+import threading
 import zlib
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from types import FrameType
+from typing import Any
 
 MAX_SHOWN = 200  # characters of a value that a message repeats
 MAX_LINE = 4000  # characters of a whole message
+ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _MAY_BE_MISSING = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)  # where pathlib says that a file is not there
 _SHOWN = reprlib.Repr()
 _SHOWN.maxlevel, _SHOWN.maxlist, _SHOWN.maxtuple, _SHOWN.maxdict = 3, 12, 12, 12
@@ -160,6 +168,49 @@ def reading(path: Path, *, error: type[InputError], remedy: str, also: tuple[typ
         yield
     except (*DAMAGED, *also) as failed:
         raise error(f"{path}: cannot be read ({_reason(failed)}); {remedy}") from None
+
+
+@contextmanager
+def uninterrupted() -> Iterator[Callable[[], AbstractContextManager[None]]]:
+    """Hold back what signals that end a program do until the end of the block.
+
+    The block gets a function: in `with interruptible():` signals act as before, those that were held back at once. So what
+    was made before it is known to whoever cleans up after it, and cleaning up is not cut short.
+    """
+    if threading.current_thread() is not threading.main_thread():  # signals act in the main thread alone
+        yield nullcontext
+        return
+    came: list[int] = []
+    before: dict[int, Any] = {}
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        came.append(number)
+
+    def hold() -> None:
+        for number in ENDING_SIGNALS:
+            before[number] = signal.signal(number, note)
+
+    def release() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        first = came[:1]
+        came.clear()
+        for number in first:
+            signal.raise_signal(number)
+
+    @contextmanager
+    def interruptible() -> Iterator[None]:
+        release()
+        try:
+            yield
+        finally:
+            hold()
+
+    hold()
+    try:
+        yield interruptible
+    finally:
+        release()
 
 
 def _reason(failed: BaseException) -> str:

@@ -62,6 +62,6 @@ def test_signal_at_any_line_leaves_no_folder(tmp_path: Path) -> None:
         with work_folder(tmp_path) as folder:
             (folder / "begun").write_text("x")
 
-    for line in interrupted_at_each_line(act, files=("files/work_folder.py", "ending_signals.py")):
+    for line in interrupted_at_each_line(act, files=("files/work_folder.py", "wzsumo/errors.py")):
         assert list(tmp_path.iterdir()) == [], line
     assert line > 20

@@ -69,6 +69,6 @@ def test_signal_at_any_line_leaves_no_sumo(tmp_path: Path, monkeypatch: pytest.M
         with connected_program(["zone.sumocfg"], folder=tmp_path):
             pass
 
-    for line in interrupted_at_each_line(act, files=("simulation/connection.py", "ending_signals.py")):
+    for line in interrupted_at_each_line(act, files=("simulation/connection.py", "wzsumo/errors.py")):
         assert all(process.returncode is not None for process in started), line
     assert len(started) > 20

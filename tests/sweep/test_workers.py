@@ -1,5 +1,7 @@
 import os
+import signal
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,6 +9,7 @@ from pathlib import Path
 import pytest
 from worker_tasks import compile_a_kernel, divide, kill_self, read_a_temporary_file, start_a_program
 
+from wzsumo.sweep.worker_process import WorkerProcess
 from wzsumo.sweep.workers import LocalWorkers, TaskLost
 
 LIMIT_S = 60.0
@@ -80,3 +83,33 @@ def test_workers_say_once_that_they_compile(capfd: pytest.CaptureFixture[str]) -
     with LocalWorkers(1) as crew:
         assert crew.start(compile_a_kernel, 1, limit_s=LIMIT_S).result() == 2
     assert capfd.readouterr().err == ""
+
+
+def test_signal_while_workers_end_leaves_no_folder_and_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    kill, pids = WorkerProcess.kill, []
+
+    def kill_late(process: WorkerProcess) -> None:
+        if threading.current_thread() is threading.main_thread():
+            signal.raise_signal(signal.SIGINT)
+        kill(process)
+
+    monkeypatch.setattr(WorkerProcess, "kill", kill_late)
+    with pytest.raises(KeyboardInterrupt), LocalWorkers(1) as crew:
+        pids.append(crew.start(os.getpid, limit_s=LIMIT_S).result())
+    assert list(tmp_path.iterdir()) == []
+    assert not alive(pids[0])
+
+
+def test_signal_while_workers_start_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    start = threading.Thread.start
+
+    def start_late(thread: threading.Thread) -> None:
+        start(thread)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(threading.Thread, "start", start_late)
+    with pytest.raises(KeyboardInterrupt), LocalWorkers(1):
+        pass
+    assert list(tmp_path.iterdir()) == []

@@ -8,8 +8,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from wzsumo.ending_signals import uninterrupted
-from wzsumo.errors import OutputError
+from wzsumo.errors import OutputError, uninterrupted
 from wzsumo.files.placing import place, refuse_in_the_way, refuse_kept
 from wzsumo.files.work_folder import work_folder
 

@@ -10,8 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from wzsumo.ending_signals import uninterrupted
-from wzsumo.errors import OutputError
+from wzsumo.errors import OutputError, uninterrupted
 from wzsumo.files.placing import settle
 
 PREFIX = ".wzsumo-unfinished-"

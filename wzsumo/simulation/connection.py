@@ -16,8 +16,7 @@ from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import IO, Any
 
-from wzsumo.ending_signals import uninterrupted
-from wzsumo.errors import DisplayError, SimulationError, SumoMissingError
+from wzsumo.errors import DisplayError, SimulationError, SumoMissingError, uninterrupted
 
 WINDOW_DELAY_MS = 40  # a step of 50 ms then takes about real time, with 10 ms for drawing
 WINDOW_ZOOM = 1200.0  # of sumo-gui: some 150 m of road

@@ -16,6 +16,7 @@ from queue import SimpleQueue
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+from wzsumo.errors import uninterrupted
 from wzsumo.files.work_folder import work_folder
 from wzsumo.sweep.worker_process import Call, WorkerProcess
 
@@ -52,7 +53,7 @@ class LocalWorkers:
         self._processes: list[WorkerProcess | None] = [None] * count
         # The temporary files of killed processes stay in this folder until the pool deletes it.
         self._at_end = ExitStack()
-        self._scratch = str(self._at_end.enter_context(work_folder(Path(tempfile.gettempdir()))))
+        self._scratch = ""
         self._threads = [threading.Thread(target=self._serve, args=(slot,), daemon=True) for slot in range(count)]
 
     def start(self, function: Callable[..., Any], *args: Any, limit_s: float) -> Future[Any]:
@@ -62,21 +63,31 @@ class LocalWorkers:
         return future
 
     def __enter__(self) -> Self:
-        with _signals_blocked():  # threads and their processes inherit it, so that only the sweep itself reacts to Ctrl-C
-            for thread in self._threads:
-                thread.start()
+        try:
+            with _signals_blocked():  # threads and their processes inherit it: only the sweep itself reacts to Ctrl-C
+                self._scratch = str(self._at_end.enter_context(work_folder(Path(tempfile.gettempdir()))))
+                for thread in self._threads:
+                    thread.start()
+        except BaseException:  # a signal that was blocked
+            self._end()
+            raise
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._stopping.set()
-        for _ in self._threads:
-            self._tasks.put(None)
-        for process in self._processes:
-            if process is not None:
-                process.kill()
-        for thread in self._threads:
-            thread.join()
-        self._at_end.close()
+        self._end()
+
+    def _end(self) -> None:
+        with uninterrupted():
+            self._stopping.set()
+            for _ in self._threads:
+                self._tasks.put(None)
+            for process in self._processes:
+                if process is not None:
+                    process.kill()
+            for thread in self._threads:
+                if thread.ident is not None:  # it was started
+                    thread.join()
+            self._at_end.close()
 
     def _serve(self, slot: int) -> None:
         while (item := self._tasks.get()) is not None and not self._stopping.is_set():

@@ -6,8 +6,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from wzsumo.ending_signals import uninterrupted
-from wzsumo.errors import TraceError
+from wzsumo.errors import TraceError, uninterrupted
 from wzsumo.frames import FloatArray
 from wzsumo.live.ageing import HALF_LIFE_S
 from wzsumo.live.charts.findings import Family
