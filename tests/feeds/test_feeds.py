@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -392,6 +393,29 @@ def test_line_that_leaves_the_road_counts_by_its_share_beside_it() -> None:
     with pytest.raises(FeedError, match="lie elsewhere"):
         announced(event() | {"geometry": {"type": "LineString", "coordinates": away}})
     assert not any("moving operation" in word for word in announced(given).said)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        *(({"reduced_speed_limit_kph": speed}, "reduced_speed_limit_kph=") for speed in (0, -50, 500, math.inf, True, "1e400")),
+        ({"lanes": lanes("melted", "open")}, "status 'melted' of a lane must be one of open, closed"),
+        *(
+            ({"lanes": [{"order": n, "type": "general", "status": "open"} for n in orders]}, "orders of lanes")
+            for orders in ((1, 1), (0, 1), (1.7, 2), (True, 2), ("1", "2"))
+        ),
+    ],
+)
+def test_values_that_cannot_be_are_refused_and_not_bent_into_shape(changes: dict[str, Any], said: str) -> None:
+    with pytest.raises(FeedError, match=said):
+        road_event(feed(event(id="a", **changes)), "a", source="f")
+
+
+def test_positions_of_true_and_false_are_no_places() -> None:
+    broken = event(id="a")
+    broken["geometry"]["coordinates"] = [[True, False], [True, True]]
+    with pytest.raises(FeedError, match="true or false in the place of a number"):
+        road_event(feed(broken), "a", source="f")
 
 
 def test_geometry_that_is_no_place_is_refused() -> None:

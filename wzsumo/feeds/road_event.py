@@ -1,6 +1,6 @@
 """RoadEvent: one road event of a WZDx feed, read from versions 4.0 to 4.2."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +16,8 @@ VERSIONS = ("4.0", "4.1", "4.2")  # what complies with 4.1 complies with 4.2; 4.
 MAX_IDS_SHOWN = 6
 QUOTES = "'\""
 MAX_WHY = 120  # letters of a fault that a message repeats
+MAX_SPEED_KPH = 150  # above the highest posted limit, 85 mph
+LANE_STATUSES = ("open", "closed", "shift-left", "shift-right", "merge-left", "merge-right", "alternating-flow")  # WZDx 4.2
 # Bearing of a carriageway by the name of its direction [degrees clockwise from north] (WZDx 4.2, Direction).
 BEARINGS_DEG = {"northbound": 0.0, "eastbound": 90.0, "southbound": 180.0, "westbound": 270.0}
 
@@ -126,14 +128,16 @@ def _event(found: Any, *, source: str) -> RoadEvent:
         geometry = found["geometry"]
         if geometry["type"] not in {"LineString", "MultiPoint"}:
             raise FeedError(f"{name}: geometry is a {shown(geometry['type']).strip(QUOTES)}; WZDx has LineString or MultiPoint")
-        points = np.array([position[:2] for position in geometry["coordinates"]], dtype=float).reshape(-1, 2)
+        positions = [position[:2] for position in geometry["coordinates"]]
+        if any(isinstance(value, bool) for position in positions for value in position):
+            raise FeedError(f"{name}: geometry holds true or false in the place of a number")
+        points = np.array(positions, dtype=float).reshape(-1, 2)
         if len(points) < 2:
             raise FeedError(f"{name}: geometry is a {geometry['type']} of {len(points)} points; WZDx has two or more")
         wrong = ~(np.isfinite(points).all(axis=1) & (np.abs(points) <= (180, 90)).all(axis=1))
         if wrong.any():
             given = points[wrong][0].tolist()
             raise FeedError(f"{name}: geometry holds {given}, which is no longitude and latitude; the longitude comes first")
-        speed = properties.get("reduced_speed_limit_kph")
         return RoadEvent(
             id=str(found.get("id", "?"))[:MAX_WHY],
             kind=str(core["event_type"])[:MAX_WHY],
@@ -144,9 +148,9 @@ def _event(found: Any, *, source: str) -> RoadEvent:
             start_verified=_verified(properties, "is_start_position_verified", "beginning_accuracy"),
             end_verified=_verified(properties, "is_end_position_verified", "ending_accuracy"),
             vehicle_impact=str(properties.get("vehicle_impact") or "unknown"),
-            lanes=tuple(_lane(lane) for lane in properties.get("lanes") or ()),
+            lanes=_lanes(properties.get("lanes") or (), name=name),
             movement=_text(properties.get("work_zone_type")),
-            speed_mps=None if speed is None else float(speed) / 3.6,
+            speed_mps=_speed_mps(properties.get("reduced_speed_limit_kph"), name=name),
             start_time_s=_seconds(properties.get("start_date")),
             end_time_s=_seconds(properties.get("end_date")),
         )
@@ -159,8 +163,25 @@ def _text(value: Any) -> str | None:
     return None if value is None else str(value)[:MAX_WHY]
 
 
-def _lane(lane: Mapping[str, Any]) -> EventLane:
-    return EventLane(order=int(lane["order"]), kind=str(lane["type"]), status=str(lane["status"]))
+def _lanes(lanes: Sequence[Mapping[str, Any]], *, name: str) -> tuple[EventLane, ...]:
+    found = tuple(EventLane(order=lane["order"], kind=str(lane["type"]), status=str(lane["status"])) for lane in lanes)
+    orders = [lane.order for lane in found]
+    if not all(type(order) is int and order >= 1 for order in orders) or len({*orders}) < len(orders):
+        raise FeedError(f"{name}: orders of lanes {shown(orders)} must be whole numbers from 1 (leftmost), each once")
+    if odd := [lane.status for lane in found if lane.kind == "general" and lane.status not in LANE_STATUSES]:
+        raise FeedError(f"{name}: status {shown(odd[0])} of a lane must be one of {', '.join(LANE_STATUSES)}")
+    return found
+
+
+def _speed_mps(given: Any, *, name: str) -> float | None:
+    """The speed limit of a number, or of its text: some feeds write numbers as texts."""
+    speed_kph = None if given is None else float(given)
+    if speed_kph is not None and (isinstance(given, bool) or not 0 < speed_kph <= MAX_SPEED_KPH):
+        raise FeedError(
+            f"{name}: reduced_speed_limit_kph={shown(given)} must be above 0 and at most {MAX_SPEED_KPH} km/h; leave it out "
+            "where no speed is posted"
+        )
+    return None if speed_kph is None else speed_kph / 3.6
 
 
 def _verified(properties: Mapping[str, Any], key: str, older: str) -> bool:
