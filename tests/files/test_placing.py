@@ -1,15 +1,18 @@
 """Results of several files are in their place all or none, wherever a kill cuts the moving of them."""
 
 import os
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from wzsumo.errors import OutputError
+from wzsumo.files import placing
 from wzsumo.files.output import staged_folder, write_whole
 from wzsumo.files.placing import FINISHED, keeping, settle
 from wzsumo.files.ros_map import read_map, write_map
+from wzsumo.files.work_folder import only_writer
 from wzsumo.grid import OccupancyGrid
 
 NAMES = ("a.txt", "maps/b.txt", "maps/c.txt", "z.txt")
@@ -91,3 +94,44 @@ def test_what_a_command_reads_is_not_written_over_unless_it_stays_the_same(tmp_p
         write_result(tmp_path, "mine")
     write_whole(tmp_path / "a.txt", b"new")
     assert (tmp_path / "a.txt").read_text() == "new"
+
+
+def test_results_of_two_commands_that_end_at_once_do_not_mix(tmp_path: Path) -> None:
+    between, go_on = os.pipe(), os.pipe()
+    child = os.fork()
+    if child == 0:
+        replace = Path.replace
+
+        def wait_in_between(self: Path, target: Path) -> Path:
+            if self.name == "c.txt":
+                os.write(between[1], b"x")
+                os.read(go_on[0], 1)
+            return replace(self, target)
+
+        Path.replace = wait_in_between  # type: ignore[method-assign,assignment]
+        write_result(tmp_path, "one")
+        os._exit(0)
+    os.read(between[0], 1)
+    other = threading.Thread(target=write_result, args=(tmp_path, "two"))
+    other.start()
+    other.join(timeout=0.2)
+    os.write(go_on[1], b"x")
+    other.join()
+    os.waitpid(child, 0)
+    assert {(tmp_path / name).read_text() for name in NAMES} == {"two"}
+
+
+def test_only_the_command_that_keeps_the_folder_moves_files_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wzsumo.files.placing._PATIENCE_S", 0.0)
+    with only_writer(tmp_path):
+        write_result(tmp_path, "own")
+        child = os.fork()
+        if child == 0:
+            placing._held.clear()  # as in a process of another command
+            try:
+                write_result(tmp_path, "other")
+            except OutputError as refused:
+                os._exit(7 if "another command is writing there" in str(refused) else 8)
+            os._exit(0)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+    assert {(tmp_path / name).read_text() for name in NAMES} == {"own"}

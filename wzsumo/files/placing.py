@@ -22,6 +22,7 @@ FINISHED = ".wzsumo-finished-"
 _NAME = re.compile(re.escape(FINISHED) + "[0-9a-f]{16}")
 _PATIENCE_S = 5.0  # for another process that moves files at the moment
 _kept: ContextVar[frozenset[Path]] = ContextVar("kept", default=frozenset())
+_held: set[Path] = set()  # folders whose lock this process has
 
 
 @contextmanager
@@ -48,8 +49,9 @@ def place(stage: Path, out: Path) -> None:
         if not is_folder and not ((out / name).is_file() and filecmp.cmp(path, out / name, shallow=False)):
             refuse_kept(out / name)
     finished = out.absolute() / f"{FINISHED}{stage.name[-16:]}"
-    stage.rename(finished)
-    _move(finished, out)
+    with _only_mover(out):  # files of two results that move at once would mix
+        stage.rename(finished)
+        _move(finished, out)
 
 
 def settle(folder: Path) -> None:
@@ -71,6 +73,34 @@ def refuse_in_the_way(out: Path, places: Iterable[tuple[Path, bool]]) -> None:
         target = out / place
         if not is_folder and target.is_dir() and not target.is_symlink():
             raise OutputError(f"{target}: is a folder where a file goes; move it away or name another folder")
+
+
+@contextmanager
+def holding(folder: Path) -> Iterator[None]:
+    """In the block this process, which has the folder's lock, may move files there."""
+    held = folder.resolve()
+    _held.add(held)
+    try:
+        yield
+    finally:
+        _held.discard(held)
+
+
+@contextmanager
+def _only_mover(out: Path) -> Iterator[None]:
+    """Hold the folder's lock in the block. Raises OutputError where another command keeps it."""
+    if out.resolve() in _held:
+        yield
+        return
+    lock = os.open(out, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        try:
+            _wait_for(lock)
+        except BlockingIOError:
+            raise OutputError(f"{out}: another command is writing there; wait for its end or name another folder") from None
+        yield
+    finally:
+        os.close(lock)
 
 
 def _content(stage: Path) -> list[tuple[Path, Path, bool]]:

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from wzsumo.errors import OutputError, uninterrupted
-from wzsumo.files.placing import settle
+from wzsumo.files.placing import holding, settle
 
 PREFIX = ".wzsumo-unfinished-"
 _NAME = re.compile(re.escape(PREFIX) + "[0-9a-f]{16}")
@@ -43,7 +43,8 @@ def only_writer(folder: Path) -> Iterator[None]:
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         take_lock(lock, folder)
-        yield
+        with holding(folder):
+            yield
     finally:
         os.close(lock)
 
