@@ -12,7 +12,7 @@ from wzsumo.files import placing
 from wzsumo.files.output import staged_folder, write_whole
 from wzsumo.files.placing import FINISHED, keeping, settle
 from wzsumo.files.ros_map import read_map, write_map
-from wzsumo.files.work_folder import only_writer
+from wzsumo.files.work_folder import only_writer, work_folder
 from wzsumo.grid import OccupancyGrid
 
 NAMES = ("a.txt", "maps/b.txt", "maps/c.txt", "z.txt")
@@ -119,6 +119,12 @@ def test_results_of_two_commands_that_end_at_once_do_not_mix(tmp_path: Path) -> 
     other.join()
     os.waitpid(child, 0)
     assert {(tmp_path / name).read_text() for name in NAMES} == {"two"}
+
+
+def test_command_places_results_in_its_own_work_folder(tmp_path: Path) -> None:
+    with work_folder(tmp_path) as folder:
+        write_result(folder, "own")
+        assert (folder / "z.txt").read_text() == "own"
 
 
 def test_only_the_command_that_keeps_the_folder_moves_files_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,7 @@ def work_folder(parent: Path) -> Iterator[Path]:
     with uninterrupted() as interruptible:
         folder, lock = _locked_folder(parent)
         try:
-            with interruptible():
+            with holding(folder), interruptible():
                 yield folder
         finally:
             shutil.rmtree(folder, ignore_errors=True)
