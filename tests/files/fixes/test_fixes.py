@@ -330,6 +330,21 @@ def test_remedies_that_messages_name_help(tmp_path: Path) -> None:
     assert_is_the_drive(read(tmp_path / "c.csv", swapped, columns={"lat": "longitude", "lon": "latitude"}))
 
 
+def test_separator_at_the_end_of_each_row_moves_no_column(tmp_path: Path) -> None:
+    lines = metres(DRIVE).assign(vehicle_id="007").to_csv(index=False).splitlines()
+    (tmp_path / "a.csv").write_text("\n".join([lines[0], *(f"{line}," for line in lines[1:])]))
+    found = read_fixes([tmp_path / "a.csv"]).table
+    assert set(found["vehicle_id"]) == {"007"}
+    assert found["x_m"].to_numpy() == pytest.approx(metres(DRIVE)["x_m"].to_numpy())
+
+
+def test_rows_of_more_values_than_names_are_refused(tmp_path: Path) -> None:
+    rows = [f"v1,{n},{20 * n},25,3,60" for n in range(30)]  # x_m and y_m with decimal commas
+    (tmp_path / "a.csv").write_text("\n".join(["vehicle_id,time_s,x_m,y_m", *rows]))
+    with pytest.raises(InputError, match=r"a\.csv.*its rows hold more values than the header has names"):
+        read_fixes([tmp_path / "a.csv"])
+
+
 @pytest.mark.parametrize(
     ("ids", "doubted"), [((" 1", "1 "), True), (("1", "1 "), True), ((" 1", " 2"), False), ((" 7", "12"), False)]
 )

@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -74,7 +75,16 @@ def _read_text(path: Path, *, id_column: str | None) -> tuple[pd.DataFrame, str 
     decimal = "," if comma else "."  # as in exports of many countries
     ids = {name: "str" for name in _names(first[0] if first else "", separator) if name == id_column or may_hold_ids(name)}
     try:
-        table = pd.read_csv(io.BytesIO(content), sep=separator, decimal=decimal, encoding=encoding, low_memory=False, dtype=ids)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            table = pd.read_csv(  # index_col: else the first columns of rows that are longer than the header are no columns
+                io.BytesIO(content), sep=separator, decimal=decimal, encoding=encoding, low_memory=False, dtype=ids,
+                index_col=False,
+            )  # fmt: skip
+    except pd.errors.ParserWarning:
+        raise ValueError(
+            "its rows hold more values than the header has names; see that no number has a decimal comma"
+        ) from None
     except UnicodeDecodeError:
         raise ValueError("its text is neither UTF-8 nor UTF-16; save it as UTF-8") from None
     return with_points_of_text(table), None
