@@ -101,6 +101,15 @@ def shown(value: object) -> str:
     return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
 
 
+def count_of(n: float, noun: str) -> str:
+    """A whole number of things in words.
+
+    >>> count_of(1, "seed"), count_of(2, "seed")
+    ('1 seed', '2 seeds')
+    """
+    return f"{n:.0f} {noun}{'' if n == 1 else 's'}"
+
+
 def one_line(text: str, *, limit: int = MAX_LINE) -> str:
     r"""The text on one line: runs of white space become one space, what cannot be printed (control characters) is escaped.
 

@@ -190,4 +190,4 @@ def test_lanes_of_a_method_are_written_with_their_place_and_a_page(
     assert len(back.lanes.lanes) == 3
     assert figures["verified"]["closed_lanes"] == [2]
     assert figures["verified"]["start_sd_m"] < 5
-    assert "Verified less announced" in (tmp_path / "out" / "zone.html").read_text()
+    assert "Map less announced" in (tmp_path / "out" / "zone.html").read_text()

@@ -62,7 +62,7 @@ def test_compiling_is_told_once_and_not_of_other_peoples_kernels(capsys: pytest.
                 numba.njit(kernel)(number)
         err = capsys.readouterr().err
         assert err.count("\n") == n_lines
-        assert not n_lines or err.startswith("compiling the kernels; this is done once")
+        assert not n_lines or err.startswith("compiling the kernels that this takes;")
 
 
 def test_quiet_leaves_out_the_next_command_and_keeps_the_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -113,3 +113,9 @@ def test_map_tells_its_figures_in_words(tmp_path: Path, capsys: pytest.CaptureFi
     with pytest.raises(SystemExit):
         main(["map", str(tmp_path / "t.csv"), "--out", str(tmp_path / "out"), "--json"])
     assert json.loads(capsys.readouterr().out)["n_traces"] == 4
+
+
+def test_every_argument_of_every_command_says_what_it_is() -> None:
+    commands = next(action.choices for action in whole_parser()._actions if isinstance(action.choices, dict))
+    silent = {name: [each.dest for each in command._actions if not each.help] for name, command in commands.items()}
+    assert not {name: arguments for name, arguments in silent.items() if arguments}

@@ -75,3 +75,21 @@ def test_names_of_marks_stand_beside_the_road_and_within_the_drawing(across: lis
         assert place["anchor"] == anchor
         assert place["y"] < 90 if anchor == "middle" else place["x"] in {across[0][0] - 6, across[1][0] + 6}
         assert 0 < place["x"] + {"middle": 55, "start": 110, "end": -110}[anchor] < 1100
+
+
+@pytest.mark.parametrize("kind", ["broad", "narrow"])
+@pytest.mark.parametrize("length_m", [20.0, 100.0, 600.0])
+def test_names_of_both_announced_ends_and_of_all_stations_stand_apart(kind: str, length_m: float) -> None:
+    near = replace(ANNOUNCED, start_m=300.0, end_m=300.0 + length_m)
+    width, name_width, tick_width = WIDTHS[kind], 94.0, 46.0  # "announced start" and "1400 m" at 13 px, as a browser sets them
+    detail, drawing = (draw(width) for draw in (
+        lambda width: detail_drawing(EXACT.lanes, near, width=width), lambda width: map_drawing(EXACT, near, width=width),
+    ))  # fmt: skip
+    for marks, at in ((detail["marks"], "label"), (drawing["marks"], "x")):
+        start, end = (mark[at] for mark in marks)
+        assert end - start >= name_width
+        assert start >= name_width / 2
+        assert end <= width - name_width / 2
+    stations = [tick["x"] for tick in detail["ticks"]]
+    assert len(stations) >= 2
+    assert np.diff(stations).min() >= tick_width

@@ -35,9 +35,9 @@ Written = tuple[bytes, list[str]]  # the file, and what was assumed for it
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("lanes", type=Path, metavar="LANES.geojson")
-    parser.add_argument("--to", required=True, choices=list(WRITERS))
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE")
+    parser.add_argument("lanes", type=Path, metavar="LANES.geojson", help="lanes.geojson, or the folder that holds it")
+    parser.add_argument("--to", required=True, choices=list(WRITERS), help="one of the formats above")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the file to write")
     parser.add_argument("--speed-limit-mph", type=number, help="posted in the zone; left out where it is not given")
     parser.add_argument("--about", nargs="+", default=[], metavar="KEY=VALUE", help="of a feed, as in road_name='I-94'")
     add_origin(parser)

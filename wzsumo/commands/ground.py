@@ -32,8 +32,8 @@ SMRF_OPTIONS = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("cloud", type=Path, metavar="IN.(npy|csv|ply)")
-    parser.add_argument("--out", type=Path, required=True, metavar="OUT.npy")
+    parser.add_argument("cloud", type=Path, metavar="IN.(npy|csv|ply)", help="points x, y, z in metres")
+    parser.add_argument("--out", type=Path, required=True, metavar="OUT.npy", help="the file to write, a label a point")
     for names, about in SMRF_OPTIONS.items():
         parser.add_argument(*names, type=number, metavar="NUMBER", help=about)
 

@@ -9,7 +9,8 @@ from typing import Any, TextIO
 
 from wzsumo.commands.terminal.arguments import add_out_folder, add_reading, column_names, number
 from wzsumo.commands.terminal.streams import printing
-from wzsumo.errors import SpecError
+from wzsumo.commands.terminal.words import lines_of
+from wzsumo.errors import SpecError, count_of
 from wzsumo.files.fixes.tables import table_files
 from wzsumo.files.lanes import LANES_FILE, LanesFile, read_lanes, write_lanes
 from wzsumo.files.output import staged_folder
@@ -32,7 +33,7 @@ after those that were taken before.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("traces", type=Path, nargs="+", metavar="TRACES")
+    parser.add_argument("traces", type=Path, nargs="+", metavar="TRACES", help="files or folders, or - for standard input")
     parser.add_argument("--map", type=Path, required=True, metavar="DIR", help="the map to begin with")
     add_out_folder(parser)
     add_reading(parser)
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--idle-s", type=number, metavar="S", help="with --follow: end after S seconds without a new file")
     parser.add_argument(
         "--half-life-h", type=number, default=24.0, metavar="H",
-        help="after which what is known of ground without witnesses is worth half (default 24)",
+        help="time after which the evidence of ground that nobody drove since counts half (default 24)",
     )  # fmt: skip
 
 
@@ -80,6 +81,13 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def tell(figures: dict[str, Any], _args: argparse.Namespace) -> None:
+    """Print the counts; of traces that were left out only where there are some, which the warnings then explain."""
+    left_out = ("twice", "late", "off_map")
+    for line in lines_of({key: value for key, value in figures.items() if key not in left_out}):
+        sys.stdout.write(f"{line}\n")
+
+
 def next_step(_figures: dict[str, Any], args: argparse.Namespace) -> str:
     """What to do with what was written."""
     return f"open {args.out / 'live.html'} in a browser"
@@ -105,7 +113,7 @@ def _teller(args: argparse.Namespace) -> Any:
                 sys.stdout.write(json.dumps(line) + "\n")
             elif "alarm" in line:
                 alarm = line["alarm"]
-                sys.stdout.write(f"trace {alarm['trace']}: {alarm['words']} ({alarm['n_traces']} traces)\n")
+                sys.stdout.write(f"trace {alarm['trace']}: {alarm['words']} ({count_of(alarm['n_traces'], 'trace')})\n")
             sys.stdout.flush()
 
     return tell
@@ -115,6 +123,6 @@ def _warnings(counts: dict[str, int]) -> list[str]:
     words = {
         "twice": "came twice and counted once",
         "late": "ended before one that was taken already: files overlap in time, or clocks are apart",
-        "off_map": "are not on the map's road, or leave fewer than four cells of it",
+        "off_map": "not used: not on the map's road, or along fewer than four of its cells",
     }
-    return [f"{counts[name]} traces {said}" for name, said in words.items() if counts[name]]
+    return [f"{count_of(counts[name], 'trace')} {said}" for name, said in words.items() if counts[name]]

@@ -66,10 +66,13 @@ MAX_DROPS_PRINTED = 8  # on stderr; --json lists all
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("traces", type=Path, nargs="+", metavar="TRACES")
+    parser.add_argument("traces", type=Path, nargs="+", metavar="TRACES", help="files or folders of traces")
     add_out_folder(parser)
     add_reading(parser)
-    parser.add_argument("--method", choices=list(methods_from(Source.CROWD)), default=DEFAULT_METHOD)
+    parser.add_argument(
+        "--method", choices=list(methods_from(Source.CROWD)), default=DEFAULT_METHOD,
+        help=f"how traces become a map (default: {DEFAULT_METHOD})",
+    )  # fmt: skip
     parser.add_argument("--road", type=Path, metavar="FILE", help="the road before the zone, to which the map is joined")
     parser.add_argument(
         "--zone", metavar="FEED.geojson#ID", help="the announced zone: a WZDx feed, one of its events, or a TOML file"
@@ -85,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="map the vehicles that drive this way: a compass point, or degrees clockwise from north (+y)",
     )  # fmt: skip
     parser.add_argument("--resolution-m", type=cell_edge_m, default=0.127, help="edge of a cell (default 0.127 m, 5 in)")
-    parser.add_argument("--seed", type=seed, default=1)
+    parser.add_argument("--seed", type=seed, default=1, help="of the random numbers of a method that draws some (default 1)")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:

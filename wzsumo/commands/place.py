@@ -21,7 +21,7 @@ right_shoulder_ft.
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What it takes."""
-    parser.add_argument("net", type=Path, metavar="NET.net.xml")
+    parser.add_argument("net", type=Path, metavar="NET.net.xml", help="your network; it is read, not changed")
     parser.add_argument("--zone", type=Path, required=True, metavar="ZONE.toml", help="a zone, or a whole scenario")
     place = parser.add_mutually_exclusive_group(required=True)
     place.add_argument(

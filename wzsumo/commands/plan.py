@@ -20,10 +20,11 @@ MORE = "Poses are of the centre of the REAR AXLE: X Y in metres of the map's fra
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("map", type=Path, metavar="MAP.yaml")
-    parser.add_argument("--start", type=number, nargs=3, required=True, metavar=("X", "Y", "DEG"))
-    parser.add_argument("--goal", type=number, nargs=3, required=True, metavar=("X", "Y", "DEG"))
-    parser.add_argument("--out", type=Path, required=True, metavar="PATH.csv")
+    parser.add_argument("map", type=Path, metavar="MAP.yaml", help="a map of `wzsumo map`, or any of ROS map_server")
+    pose = ("X", "Y", "DEG")
+    parser.add_argument("--start", type=number, nargs=3, required=True, metavar=pose, help="pose at which the path begins")
+    parser.add_argument("--goal", type=number, nargs=3, required=True, metavar=pose, help="pose at which it ends")
+    parser.add_argument("--out", type=Path, required=True, metavar="PATH.csv", help="the file to write, one row a pose")
     parser.add_argument("--speed-mps", type=speed_mps, default=10.0, help="limits the curvature: v^2 k <= 2 m/s2 (default 10)")
 
 

@@ -22,9 +22,9 @@ not_converged, poor_overlap. "free_motions" names those directions: translation 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("source", type=Path, metavar="SOURCE")
-    parser.add_argument("target", type=Path, metavar="TARGET")
-    parser.add_argument("--out", type=Path, required=True, metavar="T.txt")
+    parser.add_argument("source", type=Path, metavar="SOURCE", help="the cloud that is moved")
+    parser.add_argument("target", type=Path, metavar="TARGET", help="the cloud on which it is laid")
+    parser.add_argument("--out", type=Path, required=True, metavar="T.txt", help="the file to write, four rows of numbers")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:

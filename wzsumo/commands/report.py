@@ -15,7 +15,7 @@ from wzsumo.sweep.store import MANIFEST
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("folder", type=Path, metavar="DIR")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="the folder of a run or of a sweep")
 
 
 def run(args: argparse.Namespace) -> dict[str, Any]:

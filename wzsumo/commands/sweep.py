@@ -35,7 +35,7 @@ PROGRESS_LINE_INTERVAL_S = 10.0  # where stderr is no terminal
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("study", type=Path, metavar="STUDY.toml")
+    parser.add_argument("study", type=Path, metavar="STUDY.toml", help="a study file, or the name of one of the library")
     add_out_folder(parser)
     parser.add_argument("--workers", type=count, metavar="N", help="processes (default: one a core)")
     parser.add_argument(
@@ -83,9 +83,9 @@ def _say_lacks(args: argparse.Namespace, study: Study) -> None:
 def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
     """Print how the study stands, or with --dry-run what it takes."""
     if args.dry_run:
-        work, time_s = "{n_cases} cases, {n_missing} of them missing, in {n_simulations} simulations", figures["about_s"]
+        work, time_s = "{n_cases} cases, {n_missing} of them missing, in {simulations}", figures["about_s"]
         took = f"some {figures['processor_s']:.0f} s of processor time, {time_s:.0f} s on {figures['workers']} processes"
-        sys.stdout.write(f"{work.format(**figures)}: {took}\n")
+        sys.stdout.write(f"{work.format(**figures, s='s' * (figures['n_simulations'] != 1))}: {took}\n")
         return
     for line in lines_of(figures):
         sys.stdout.write(f"{line}\n")

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 class Drawing:
     """A figure that a report is to have: the name of its file without the suffix, what draws it, its title and caption.
 
-    `section` is that of the page in which it stands. `narrows` says whether its words find room on a narrow screen.
+    `section` is that of the page in which it stands. `draw_narrow` draws it for a narrow screen, where its words need
+    another layout there.
     """
 
     stem: str
@@ -24,7 +25,7 @@ class Drawing:
     title: str
     caption: str
     section: str = ""
-    narrows: bool = True
+    draw_narrow: "Callable[[], Figure] | None" = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +49,7 @@ def save_drawings(drawings: Iterable[Drawing], folder: Path) -> list[ReportFigur
         path = folder / f"{drawing.stem}.png"
         figure = drawing.draw()
         save_figure(figure, path)
-        narrow = narrow_png(figure) if drawing.narrows else None
+        narrow = narrow_png(drawing.draw_narrow() if drawing.draw_narrow else figure)
         words = {"title": drawing.title, "caption": drawing.caption, "section": drawing.section}
         saved.append(ReportFigure(path=path, narrow=narrow, **words))
     return saved

@@ -11,6 +11,7 @@ from wzsumo.figures.figure_files import Drawing, ReportFigure, save_drawings
 from wzsumo.figures.layout_figure import draw_zone
 from wzsumo.figures.map_figures import draw_baseline_paths, draw_crowd_and_slam, draw_maps, draw_truth
 from wzsumo.figures.mixture_figures import draw_components, draw_criteria, draw_samples
+from wzsumo.figures.narrow import NARROW_AXES_IN
 from wzsumo.figures.network_figure import draw_network
 from wzsumo.figures.traffic_figures import draw_space_time
 from wzsumo.files.result_folder import ResultFolder
@@ -68,9 +69,9 @@ def _title(run: ResultFolder, text: str, *, paper: str) -> str:
 def _zone_drawing(run: ResultFolder) -> Drawing:
     return Drawing(
         stem="fig04_zone",
-        narrows=False,
         section="making",
         draw=partial(draw_zone, run),
+        draw_narrow=partial(draw_zone, run, axes_width_in=NARROW_AXES_IN[1] - NARROW_AXES_IN[0]),
         title=_title(run, "Work zone", paper="4"),
         caption=f"Signs, plan and a stretch to scale, n = {len(run.devices)} devices. The drivable area is the truth of all "
         "later figures.",

@@ -1,5 +1,8 @@
 """The figure of a zone: its signs, its plan in road coordinates, a stretch to scale with lane widths, the road in the world."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
@@ -24,46 +27,122 @@ from wzsumo.frames import BoolArray
 from wzsumo.units import feet_from_metres
 
 TO_SCALE_LENGTH_M = 80.0  # of the road around the start of the activity area
-LABEL_LEVELS = 3  # heights at which names of areas are written, so that the names of short areas do not overlap
+SIGN_LEVEL_IN, AREA_LEVEL_IN = (
+    0.315,
+    0.253,
+)  # heights of a sign's text and of an area's name; one that would cover another moves
+SIGN_TEXT_PT, AREA_TEXT_PT = 7, 8
+LETTER_WIDTH = 0.66  # of the size of the text, of DejaVu Sans in capitals
+BESIDE_IN = (0.7, 0.15)  # of the figure beside its axes, left and right, in which text may stand
 MAX_RISE_OF_A_STRAIGHT_M = 5.0  # a road that leaves the chord between its ends by more is also drawn in the world
 
 
-def draw_zone(run: ResultFolder) -> Figure:
-    """The zone (paper: Figure 4): the signs ahead of it, its areas, a stretch to scale and, if the road bends, the road."""
+def draw_zone(run: ResultFolder, *, axes_width_in: float = AXES_IN[1] - AXES_IN[0]) -> Figure:
+    """The zone (paper: Figure 4): the signs ahead of it, its areas, a stretch to scale and, if the road bends, the road.
+
+    Texts are laid out for axes of this width [inches], to which the figure may still be narrowed.
+    """
+    signs, areas = _placed_signs(run, axes_width_in), _placed_areas(run, axes_width_in)
     bends = _rise(run) > MAX_RISE_OF_A_STRAIGHT_M
     across = run.road.left_edge + run.road.right_shoulder + 2 * MARGIN_M[1]
     to_scale = (AXES_IN[1] - AXES_IN[0]) * across / TO_SCALE_LENGTH_M
     heights = [0.75, 2.3, to_scale, 2.6] if bends else [0.75, 2.3, to_scale]
-    head = 1.1 if _faces_opposing_traffic(run).any() else 0.4
-    figure, rows = stacked_figure(heights, gaps=[1.45, 0.75, 0.75][: len(heights) - 1], head=head)
-    _draw_signs(rows[0], run)
-    _draw_plan(rows[1], run)
-    _draw_to_scale(rows[2], run)
+    above, below = (max((sign.level + 1 for sign in signs if sign.opposing == side), default=0) for side in (True, False))
+    below_signs = 0.06 + SIGN_LEVEL_IN * below + AREA_LEVEL_IN * max((area.level + 1 for area in areas), default=0)
+    figure, rows = stacked_figure(
+        heights, gaps=[below_signs, 0.75, 0.75][: len(heights) - 1], head=0.4 + (SIGN_LEVEL_IN + 0.04) * above
+    )
+    _draw_signs(rows[0], run, signs, height_in=heights[0])
+    _draw_plan(rows[1], run, areas, height_in=heights[1])
+    _draw_to_scale(rows[2], run, length_m=TO_SCALE_LENGTH_M * axes_width_in / (AXES_IN[1] - AXES_IN[0]))
     if bends:
         _draw_in_world(rows[3], run)
     legend_above(figure, rows[1])
     return figure
 
 
-def _draw_signs(axes: Axes, run: ResultFolder) -> None:
-    """The signs along the road, which is drawn as a line, with their texts."""
-    signs, (start, end) = run.signs, run.span
-    axes.axhline(0, color="#777777", linewidth=3, zorder=1)
-    axes.plot([start, end], [0, 0], color=ORANGE, linewidth=6, solid_capstyle="butt", zorder=2)
-    places = signs.assign(opposing=_faces_opposing_traffic(run))
-    places = places.drop_duplicates(["text", "s_m", "opposing"])  # a freeway has each sign on both sides: show one
+@dataclass(frozen=True, kw_only=True)
+class Label:
+    """A text beside the road: the station [m] that it is of, that of its middle, and the level on which it stands."""
+
+    text: str
+    station: float
+    centre: float
+    level: int = 0
+    opposing: bool = False
+
+
+def levels_of(spans: Sequence[tuple[float, float]]) -> list[int]:
+    """The level of each span (start, end): the lowest on which it overlaps none of those before it."""
+    taken: list[list[tuple[float, float]]] = []
+    levels = []
+    for start, end in spans:
+        free = (level for level, those in enumerate(taken) if all(end <= first or last <= start for first, last in those))
+        level = next(free, len(taken))
+        if level == len(taken):
+            taken.append([])
+        taken[level].append((start, end))
+        levels.append(level)
+    return levels
+
+
+def _half_width_m(text: str, *, size_pt: float, m_per_in: float) -> float:
+    """Half of the width of a text, with some room beside it, in metres of the road."""
+    return m_per_in * (LETTER_WIDTH * size_pt / 72 * max(map(len, text.split("\n"))) + 0.06) / 2
+
+
+def _placed_signs(run: ResultFolder, axes_width_in: float) -> list[Label]:
+    """The signs with their texts; none covers another, or leaves the figure."""
+    lowest, highest = _signed_road(run)
+    m_per_in = (highest - lowest) / axes_width_in
+    places = run.signs.assign(opposing=_faces_opposing_traffic(run))
+    places = places.drop_duplicates(["text", "s_m", "opposing"]).sort_values("s_m")  # a freeway has each sign on both sides
+    labels: list[Label] = []
     for opposing, group in places.groupby("opposing"):
-        side = 1 if opposing else -1
-        axes.scatter(group["s_m"], [side * 0.28] * len(group), marker="D", s=26, color=VERMILION, zorder=3)
-        for number, (s, text) in enumerate(zip(group["s_m"], group["text"], strict=True)):
-            axes.annotate(
-                f"{plain(text)}\n{_distance(s, (start, end))}",
-                (s, side * (0.5 + 0.42 * (number % 2))), ha="center", fontsize=7,
-                va="bottom" if opposing else "top", annotation_clip=False,
-            )  # fmt: skip
-    lowest, highest = min(start, signs["s_m"].min()), max(end, signs["s_m"].max())
+        texts = [f"{plain(text)}\n{_distance(s, run.span)}" for s, text in zip(group["s_m"], group["text"], strict=True)]
+        halves = [_half_width_m(text, size_pt=SIGN_TEXT_PT, m_per_in=m_per_in) for text in texts]
+        ends = lowest - BESIDE_IN[0] * m_per_in, highest + BESIDE_IN[1] * m_per_in
+        centres = [max(min(s, ends[1] - half), ends[0] + half) for s, half in zip(group["s_m"], halves, strict=True)]
+        levels = levels_of([(centre - half, centre + half) for centre, half in zip(centres, halves, strict=True)])
+        for s, text, centre, level in zip(group["s_m"], texts, centres, levels, strict=True):
+            labels.append(Label(text=text, station=s, centre=centre, level=level, opposing=bool(opposing)))
+    return labels
+
+
+def _placed_areas(run: ResultFolder, axes_width_in: float) -> list[Label]:
+    """The names and lengths of the zone's areas, in their order; neither they nor their lines cover another."""
+    shown = run.span[0] - MARGIN_M[0], run.span[1] + MARGIN_M[0]
+    m_per_in = (shown[1] - shown[0]) / axes_width_in
+    labels, spans = [], []
+    for name, start, end in run.areas:
+        text = f"{plain(name)}, {end - start:.0f} m = {feet_from_metres(end - start):.0f} ft"
+        half = _half_width_m(text, size_pt=AREA_TEXT_PT, m_per_in=m_per_in)
+        centre = max(min((start + end) / 2, shown[1] - half), shown[0] + half)
+        labels.append(Label(text=text, station=start, centre=centre))
+        spans.append((min(start, centre - half), max(end, centre + half)))
+    return [replace(label, level=level) for label, level in zip(labels, levels_of(spans), strict=True)]
+
+
+def _signed_road(run: ResultFolder) -> tuple[float, float]:
+    """The stations [m] between which all signs and the zone lie, with a margin."""
+    (start, end), stations = run.span, run.signs["s_m"]
+    lowest, highest = min(start, stations.min()), max(end, stations.max())
     margin = 0.06 * (highest - lowest)
-    axes.set(xlim=(lowest - margin, highest + margin), ylim=(-0.5, 0.5), yticks=[])
+    return lowest - margin, highest + margin
+
+
+def _draw_signs(axes: Axes, run: ResultFolder, signs: list[Label], *, height_in: float) -> None:
+    """The signs along the road, which is drawn as a line, with their texts."""
+    axes.axhline(0, color="#777777", linewidth=3, zorder=1)
+    axes.plot(run.span, [0, 0], color=ORANGE, linewidth=6, solid_capstyle="butt", zorder=2)
+    for sign in signs:
+        side = 1 if sign.opposing else -1
+        axes.scatter([sign.station], [side * 0.28], marker="D", s=26, color=VERMILION, zorder=3)
+        axes.annotate(
+            sign.text, (sign.centre, side * (0.5 + SIGN_LEVEL_IN / height_in * sign.level)), ha="center", fontsize=SIGN_TEXT_PT,
+            va="bottom" if sign.opposing else "top", annotation_clip=False,
+        )  # fmt: skip
+    axes.set(xlim=_signed_road(run), ylim=(-0.5, 0.5), yticks=[])
     axes.xaxis.set_visible(False)
     for spine in axes.spines.values():
         spine.set_visible(False)
@@ -84,26 +163,21 @@ def _faces_opposing_traffic(run: ResultFolder) -> BoolArray:
     return np.asarray(np.cos(run.signs["heading_rad"] - run.road.heading_at(run.signs["s_m"])) < 0)
 
 
-def _draw_plan(axes: Axes, run: ResultFolder) -> None:
+def _draw_plan(axes: Axes, run: ResultFolder, areas: list[Label], *, height_in: float) -> None:
     """The zone in road coordinates, with names and lengths of its areas."""
     show_zone(axes, run)
     name_work_space(axes, run)
     drivable = area_in_road_coordinates(run.polygons["drivable"], run.road)
     add_area(axes, drivable, label="drivable area", facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
-    for number, (name, start, end) in enumerate(run.areas):
+    for label, (_, start, end) in zip(areas, run.areas, strict=True):
         for station in (start, end):
             axes.axvline(station, color="#777777", linewidth=0.6, linestyle=":")
-        at_edge = {0: (start, "left"), len(run.areas) - 1: (end, "right")}
-        station, side = at_edge.get(number, ((start + end) / 2, "center"))
-        level = 1.03 + 0.11 * (number % LABEL_LEVELS)
+        level = 1.03 + AREA_LEVEL_IN / height_in * label.level
         axes.plot(
-            [start, end], [level - 0.015] * 2, transform=axes.get_xaxis_transform(), clip_on=False, color="#777777",
+            [start, end], [level - 0.025] * 2, transform=axes.get_xaxis_transform(), clip_on=False, color="#777777",
             linewidth=0.8, marker="|", markersize=5,
         )  # fmt: skip
-        axes.annotate(
-            f"{plain(name)}, {end - start:.0f} m = {feet_from_metres(end - start):.0f} ft",
-            (station, level), xycoords=("data", "axes fraction"), ha=side, fontsize=8,
-        )  # fmt: skip
+        axes.annotate(label.text, (label.centre, level), xycoords=("data", "axes fraction"), ha="center", fontsize=AREA_TEXT_PT)
 
 
 def name_work_space(axes: Axes, run: ResultFolder) -> None:
@@ -117,15 +191,15 @@ def name_work_space(axes: Axes, run: ResultFolder) -> None:
                 axes.annotate("work space", (place.x, place.y), ha="center", va="center", fontsize=9, annotation_clip=True)
 
 
-def _draw_to_scale(axes: Axes, run: ResultFolder) -> None:
+def _draw_to_scale(axes: Axes, run: ResultFolder, *, length_m: float) -> None:
     """The start of the activity area with the same scale along and across the road, and the widths of the lanes."""
     middle = next((start for name, start, _ in run.areas if name == "activity area"), run.span[0])
-    interval = (middle - TO_SCALE_LENGTH_M / 2, middle + TO_SCALE_LENGTH_M / 2)
+    interval = (middle - length_m / 2, middle + length_m / 2)
     show_zone(axes, run, interval=interval)
     drivable = area_in_road_coordinates(run.polygons["drivable"], run.road)
     add_area(axes, drivable, facecolor=SKY_BLUE, alpha=0.45, edgecolor="none")
     for right, left in run.lanes_at(middle + 1.0):
-        s = interval[1] - 12.0
+        s = interval[1] - 0.15 * length_m
         axes.annotate("", (s, left), (s, right), arrowprops={"arrowstyle": "<->", "color": BLACK, "shrinkA": 0, "shrinkB": 0})
         width = left - right
         axes.annotate(f"{width:.2f} m\n{feet_from_metres(width):.1f} ft", (s + 1, (left + right) / 2), va="center", fontsize=7)

@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
+from wzsumo.errors import count_of
 from wzsumo.figures.figure_files import Drawing, ReportFigure, save_drawings
 from wzsumo.figures.zone_axes import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILION, plain
 from wzsumo.sweep.results import column_of
@@ -48,7 +49,7 @@ def factors_of(table: pd.DataFrame) -> list[str]:
 def write_sweep_figures(table: pd.DataFrame, folder: Path) -> list[ReportFigure]:
     """A figure for every factor, and those that suit several, written to `folder` as PNG and SVG."""
     folder.mkdir(parents=True, exist_ok=True)
-    factors, seeds = factors_of(table), f"n = {table['seed'].nunique()} seeds."
+    factors, seeds = factors_of(table), f"n = {count_of(table['seed'].nunique(), 'seed')}."
     numeric = [name for name in factors if pd.api.types.is_numeric_dtype(table[name])]
     in_order = sorted(factors, key=lambda name: name != TRACES_FACTOR)  # the study's question first
     drawings = [_factor_drawing(table, factor, factors, seeds=seeds) for factor in in_order]

@@ -20,6 +20,7 @@ from wzsumo.live.stream.log_folder import ALARMS, FOLDER, VERSIONS, read_evidenc
 from wzsumo.report.page import page_template
 
 PAGE = "live.html"
+RAREST_PER_TRACE = 1e-9  # chance alarms that are rarer are told as a bound
 
 
 def write_live_page(folder: Path, live: LiveMap) -> None:
@@ -39,9 +40,9 @@ def write_live_page(folder: Path, live: LiveMap) -> None:
         figures.append(
             {
                 "title": "Evidence", **_images(evidence_over_time(live.ground.cells, numbers, shares, alarms)),
-                "caption": "The loudest chart at each place, from light (nothing speaks for a change) to dark (at the "
-                "threshold). Orange bars are alarms over their stretch; black lines go back to the first trace that spoke for "
-                "them.",
+                "caption": "The strongest evidence for any kind of change at each place, from light (none) to dark (an "
+                "alarm's threshold). Orange bars are alarms over their stretch; a black line goes back to the first trace that "
+                "supports the alarm.",
             }
         )  # fmt: skip
     html = page_template("live.html.j2").render(
@@ -55,8 +56,13 @@ def _row(alarm: dict[str, Any], *, utc: bool) -> dict[str, Any]:
     since = datetime.fromtimestamp(alarm["since_s"], UTC).strftime("%Y-%m-%d %H:%M:%SZ") if utc else f"{alarm['since_s']:.0f} s"
     return alarm | {
         "start": _with_sd(alarm["start_m"], alarm["start_sd_m"]), "end": _with_sd(alarm["end_m"], alarm["end_sd_m"]),
-        "since": since, "once_in": f"{1 / max(alarm['false_alarms_per_trace'], 1e-12):,.0f}",
+        "since": since, "once_in": _once_in(alarm["false_alarms_per_trace"]),
     }  # fmt: skip
+
+
+def _once_in(rate_per_trace: float) -> str:
+    """In how many traces chance alone says as much once; very rare chances as a bound."""
+    return f"{1 / rate_per_trace:,.0f}" if rate_per_trace > RAREST_PER_TRACE else f"over {1 / RAREST_PER_TRACE:,.0f}"
 
 
 def _with_sd(value: float | None, sd: float | None) -> str:

@@ -5,6 +5,7 @@ from typing import Any
 import pandas as pd
 
 from wzsumo.case.methods import is_baseline
+from wzsumo.errors import count_of
 from wzsumo.figures.sweep_figures import factors_of, level_text, name_of
 from wzsumo.sweep.summary import (
     REQUIRED_SAFE_SHARE,
@@ -84,7 +85,7 @@ def _share(rows: pd.DataFrame, measure: str) -> str:
     counted, share = whole_seeds(rows, measure, by=[]).iloc[0], summarise(rows, measure, by=[]).iloc[0]
     return (
         f"{100 * share['mean']:.0f} % of the cases gave {WORDS[measure]} ({counted['n_true']:.0f} of {counted['n']:.0f}; 95 % "
-        f"interval {100 * share['low']:.0f} to {100 * share['high']:.0f} %, n = {counted['n_seeds']:.0f} seeds)"
+        f"interval {100 * share['low']:.0f} to {100 * share['high']:.0f} %, n = {count_of(counted['n_seeds'], 'seed')})"
     )
 
 
@@ -93,7 +94,7 @@ def _support(rows: pd.DataFrame, measure: str) -> str:
     counted = whole_seeds(rows, measure, by=[]).iloc[0]
     n_seeds, whole = int(counted["n_seeds"]), int(counted["n_whole"])
     needed = seeds_to_show(REQUIRED_SAFE_SHARE)
-    told = f"In {whole} of {n_seeds} seeds all of these cases did"
+    told = f"In {whole} of {count_of(n_seeds, 'seed')} all of these cases did"
     if whole:
         told += f": that supports “in at least {int(100 * counted['at_least'])} % of seeds” (95 %, one-sided)"
     more = f"; to show {100 * REQUIRED_SAFE_SHARE:.0f} % takes {needed} seeds without a failure"
@@ -142,7 +143,7 @@ def _factor_sentence(rows: pd.DataFrame, measure: str, factor: str, method: str)
         ends = f", 95 % interval {100 * pair['low']:+.0f} to {100 * pair['high']:+.0f}"
         ends = "" if pd.isna(pair["low"]) else ", the same in every seed" if same else ends
         difference = f"difference in the same traffic {100 * pair['difference']:+.0f} points"
-        interval = f"{difference}{ends}, n = {pair['n']:.0f} seeds"
+        interval = f"{difference}{ends}, n = {count_of(pair['n'], 'seed')}"
     return f"{told} ({interval}), “{method}”{_pooled(rows, without=[factor])}."
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from wzsumo.errors import InputError
+from wzsumo.errors import InputError, count_of
 from wzsumo.files.output import staged_folder
 from wzsumo.report.page import embedded, page_template
 from wzsumo.report.study_answers import MEANING, factor_sentences, headline, measure_of, method_sentences
@@ -43,12 +43,12 @@ def write_sweep_report(folder: Path) -> Path:
 def _page(
     study: Study, table: pd.DataFrame, folder: Path, *, figures: list[dict[str, str]], tables: list[dict[str, Any]]
 ) -> str:
-    seeds, simulations = table["seed"].nunique(), table["simulation"].nunique()
+    seeds, simulations = (count_of(table[name].nunique(), name) for name in ("seed", "simulation"))
     place = shlex.quote(str(folder))  # the command is to be copied to a shell
     return page_template("sweep.html.j2").render(
         name=study.spec.name,
         command=f"wzsumo run {place} --case CASE --out {shlex.quote(str(folder / 'cases'))}/CASE",
-        facts=f"{len(table)} of {len(study.cases)} cases · {simulations} simulations · {seeds} seeds · wzsumo {code_version()}",
+        facts=f"{len(table)} of {len(study.cases)} cases · {simulations} · {seeds} · wzsumo {code_version()}",
         headline=headline(table),
         meaning=MEANING[measure_of(table)],
         methods=method_sentences(table),

@@ -20,6 +20,8 @@ MAP_HEIGHT, MARGIN = 520.0, 60.0
 LEAST_LANE_WIDTH = 3.0  # drawn, in the same units: a zone of 2 km on 1100 units would have lanes of 2
 DETAIL_HEIGHT = 190.0  # of the drawing along the road, whose offsets are stretched
 LABEL_WIDTH = 110.0  # of "announced start", in the same units
+LABEL_HEIGHT = 16.0  # ibid.
+TICK_WIDTH = 64.0  # of "1400 m" with some room beside it, ibid.
 ARROW = 46.0  # length of the arrow that shows the direction of travel, ibid.
 
 
@@ -56,6 +58,7 @@ def map_drawing(content: LanesFile, announced: AnnouncedZone | None, *, width: f
         s = getattr(announced, f"{name}_m")
         across = place(lanes.to_xy([s, s], np.interp(s, lanes.stations, middle_line) + np.array([-14.0, 14.0]) / scale))
         marks.append({"points": _points(across), "name": f"announced {name}", **label_place(across, width=width)})
+    _set_apart(marks, at="x", width=width)
     bar = _round_length(160.0 / scale * min(1.0, width / 800))
     corners = []
     if content.frame is not None:
@@ -108,7 +111,8 @@ def detail_drawing(lanes: LaneMap, announced: AnnouncedZone | None, *, width: fl
             "x": round(x, 1), "left": round(x - sd, 1), "width": round(2 * sd, 1), "label": round(label, 1),
             "name": f"announced {name}",
         })  # fmt: skip
-    step = _round_length((s1 - s0) / 6 * max(1.0, 660 / width))
+    _set_apart(marks, at="label", width=width)
+    step = _round_length(max((s1 - s0) / 6, 2.5 * TICK_WIDTH / along))  # a round length is up to 2.5 times shorter
     at = np.arange(np.ceil(s0 / step) * step, s1, step)
     ticks = [{"x": round(margin + (station - s0) * along, 1), "text": f"{abs(station):.0f} m"} for station in at]
     return {
@@ -126,6 +130,16 @@ def label_place(across: FloatArray, *, width: float) -> dict[str, Any]:
     room = right + 6 + LABEL_WIDTH < width
     x, y = (right + 6, y_right) if room else (left - 6, y_left)
     return {"x": round(float(x), 1), "y": round(float(y) + 4, 1), "anchor": "start" if room else "end"}
+
+
+def _set_apart(marks: list[dict[str, Any]], *, at: str, width: float) -> None:
+    """Move the names of two marks so far apart that neither covers the other, where both are written in one line."""
+    if len(marks) == 2 and all(mark.get("anchor", "middle") == "middle" for mark in marks):
+        first, last = sorted(marks, key=lambda mark: float(mark[at]))
+        is_one_line = abs(first.get("y", 0.0) - last.get("y", 0.0)) < LABEL_HEIGHT
+        if is_one_line and last[at] - first[at] < LABEL_WIDTH:
+            middle = float(np.clip((first[at] + last[at]) / 2, LABEL_WIDTH, width - LABEL_WIDTH))
+            first[at], last[at] = round(middle - LABEL_WIDTH / 2, 1), round(middle + LABEL_WIDTH / 2, 1)
 
 
 def _states(lanes: LaneMap, index: int) -> list[tuple[str, Any]]:

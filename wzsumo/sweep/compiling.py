@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-WORDS = "compiling the kernels; this is done once and takes a minute or two (`wzsumo warm` does it ahead)"
+WORDS = "compiling the kernels that this takes; they are kept for later runs (`wzsumo warm` compiles all, in a minute or two)"
 
 
 @contextmanager

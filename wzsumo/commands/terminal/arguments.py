@@ -23,7 +23,7 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
 
 def add_out_folder(parser: argparse.ArgumentParser) -> None:
     """Add the argument --out DIR."""
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to write, which may be new")
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
