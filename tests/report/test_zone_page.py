@@ -82,9 +82,7 @@ def test_names_of_marks_stand_beside_the_road_and_within_the_drawing(across: lis
 def test_names_of_both_announced_ends_and_of_all_stations_stand_apart(kind: str, length_m: float) -> None:
     near = replace(ANNOUNCED, start_m=300.0, end_m=300.0 + length_m)
     width, name_width, tick_width = WIDTHS[kind], 94.0, 46.0  # "announced start" and "1400 m" at 13 px, as a browser sets them
-    detail, drawing = (draw(width) for draw in (
-        lambda width: detail_drawing(EXACT.lanes, near, width=width), lambda width: map_drawing(EXACT, near, width=width),
-    ))  # fmt: skip
+    detail, drawing = detail_drawing(EXACT.lanes, near, width=width), map_drawing(EXACT, near, width=width)
     for marks, at in ((detail["marks"], "label"), (drawing["marks"], "x")):
         start, end = (mark[at] for mark in marks)
         assert end - start >= name_width
