@@ -15,7 +15,7 @@ from tqdm import tqdm
 from wzsumo.commands.terminal.arguments import add_out_folder, count
 from wzsumo.commands.terminal.progress import say
 from wzsumo.commands.terminal.words import lines_of
-from wzsumo.errors import SpecError
+from wzsumo.errors import SpecError, count_of
 from wzsumo.scenario.outlook import vehicles_expected_to_pass
 from wzsumo.sweep.cluster import ClusterWorkers
 from wzsumo.sweep.estimate import estimate
@@ -85,7 +85,7 @@ def tell(figures: dict[str, Any], args: argparse.Namespace) -> None:
     if args.dry_run:
         work, time_s = "{n_cases} cases, {n_missing} of them missing, in {simulations}", figures["about_s"]
         took = f"some {figures['processor_s']:.0f} s of processor time, {time_s:.0f} s on {figures['workers']} processes"
-        sys.stdout.write(f"{work.format(**figures, s='s' * (figures['n_simulations'] != 1))}: {took}\n")
+        sys.stdout.write(f"{work.format(**figures, simulations=count_of(figures['n_simulations'], 'simulation'))}: {took}\n")
         return
     for line in lines_of(figures):
         sys.stdout.write(f"{line}\n")
