@@ -27,6 +27,7 @@ class Sumo:
     def __init__(self, *, waited_s: float = 60.0, lane: str = "taper_1") -> None:
         self.waited_s, self.on_road = waited_s, ["over", "waits"]
         self.behind = {"waits": 2.0}  # m, gaps to those behind in the lane that leads on
+        self.ahead: dict[str, float] = {}  # m, gaps to those ahead in it
         self.speeds = {"over": 0.0, "waits": 0.0}
         self.min_gaps = {"over": OWN_GAP_M, "waits": OWN_GAP_M}
         self.told: list[tuple[str, object]] = []
@@ -43,6 +44,7 @@ class Sumo:
             getLaneID=lambda _name: lane,
             getBestLanes=lambda _name: [("taper_0", 500.0, 0.0, 0, True, ()), ("taper_1", 20.0, 0.0, -1, False, ())],
             getRightFollowers=lambda _name: [(name, gap - self.min_gaps[name]) for name, gap in self.behind.items()],
+            getRightLeaders=lambda _name: [(name, gap - OWN_GAP_M) for name, gap in self.ahead.items()],
             setMinGap=self._set_min_gap,
         )
 
@@ -101,6 +103,13 @@ def test_follower_makes_way_that_stands_closer_than_its_minimum_gap(gap_m: float
     sumo = Sumo()
     sumo.behind["waits"] = gap_m
     assert told(sumo) == ([("waits", gap_m - 0.05)] if makes_way else [])
+
+
+@pytest.mark.parametrize(("gap_m", "makes_way"), [(0.9, False), (1.1, True)])
+def test_none_makes_way_for_a_vehicle_with_another_beside_its_front(gap_m: float, makes_way: bool) -> None:
+    sumo = Sumo()
+    sumo.ahead["beside"] = gap_m
+    assert told(sumo) == (MAKES_WAY if makes_way else [])
 
 
 @pytest.mark.parametrize(("speed", "waits"), [(0.09, True), (0.11, False)])

@@ -48,7 +48,7 @@ class Gridlock:
     def _make_way_for(self, name: str) -> None:
         """Let those who wait for a vehicle in the lane that it must change to be content with their gaps."""
         vehicle, side = self._api.vehicle, self._wanted_side(name)
-        if not side:
+        if not side or self._is_shut_in_ahead(name, side):
             return
         for other, spare in (vehicle.getLeftFollowers if side > 0 else vehicle.getRightFollowers)(name):
             own = vehicle.getMinGap(other)
@@ -56,6 +56,12 @@ class Gridlock:
             if spare < 0 and gap >= BESIDE_GAP_M and vehicle.getSpeed(other) < STANDING_MPS:
                 self._own_gaps.setdefault(other, own)
                 vehicle.setMinGap(other, gap - _SPARE_M)
+
+    def _is_shut_in_ahead(self, name: str, side: int) -> bool:
+        """Whether a vehicle in the lane that it must change to is beside its front: it cannot change, whoever makes way."""
+        vehicle = self._api.vehicle
+        leaders = (vehicle.getLeftLeaders if side > 0 else vehicle.getRightLeaders)(name)
+        return any(spare + vehicle.getMinGap(name) < BESIDE_GAP_M for _, spare in leaders)
 
     def _wanted_side(self, name: str) -> int:
         """1 where the lane that leads on is to the left, -1 to the right, 0 where the vehicle is in it."""
