@@ -57,9 +57,9 @@ def young() -> str:
     return "\n".join(lines)
 
 
-def recall(penetration: str) -> str:
+def recall(file: str, penetration: str) -> str:
     """Entries between cones, by map; of the live map at a penetration, by traces since the change."""
-    rows = [row for row in _rows("live_recall.csv") if not row["drive"].startswith("exit")]
+    rows = [row for row in _rows(file) if not row["drive"].startswith("exit")]
     counts = sorted({int(row["traces"]) for row in rows if row["penetration"] == penetration})
     minutes = {int(row["traces"]): row["minutes"] for row in rows if row["penetration"] == penetration}
     others = ("before", "feed, estimated", "feed, verified")
