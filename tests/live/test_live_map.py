@@ -136,6 +136,23 @@ def test_a_lane_that_is_driven_again_is_named_and_drawn_open(settled: LiveMap) -
     assert (live.ground.lanes.lanes[1].p_open_middle[inside] > 0.8).all()
 
 
+def test_a_lane_that_is_driven_again_is_named_though_the_map_has_it_closed_in_two_stretches() -> None:
+    lanes = two_lane_map()
+    gap = (lanes.stations > 400) & (lanes.stations < 580)
+    p_open = lanes.lanes[1].p_open.copy()
+    p_open[(lanes.stations >= 200) & (lanes.stations <= 400)] = 0.03
+    assert (p_open[gap] > 0.9).all()
+    live = live_map(replace(lanes, lanes=(lanes.lanes[0], replace(lanes.lanes[1], p_open=p_open))))
+    alarms = []
+    for number in range(125):
+        lane = keeps_lane(number) if number >= 100 else np.zeros_like
+        step = with_trace(live, reading(live.ground, number, lane=lane, error_m=1.0))
+        live = step.live
+        alarms += [step.alarm] if step.alarm else []
+    assert [alarm.change.kind for alarm in alarms[:1]] == [Kind.LANE_OPEN]
+    assert alarms[0].trace > 100
+
+
 def test_a_zone_that_is_gone_before_the_first_trace_is_no_habit_and_no_error_of_receivers() -> None:
     """The map is of yesterday; today half of 40 vehicles keep the lane that it has closed, from the first trace on."""
     live, alarms = driven(live_map(two_lane_map()), range(40), keeps_lane)

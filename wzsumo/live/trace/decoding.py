@@ -336,10 +336,11 @@ def _weights(ways: Places, closed: BoolArray) -> FloatArray:
     """Weights (n,) of ways that were drawn as if vehicles entered closed ground more often than they do."""
     weights = np.ones(ways.shape[0])
     for i in range(ways.shape[0]):
-        inside = False
+        inside, entered = False, False
         for t in range(ways.shape[1]):
             on = ways[i, t] >= 0 and ways[i, t] % 3 == 0 and closed[ways[i, t] // 3, t]
-            if on and not inside:
-                weights[i] *= IN_CLOSED / IN_CLOSED_DRAWN
+            if on and not inside:  # who found one stretch open finds the next one so, too
+                weights[i] *= (1.0 if entered else IN_CLOSED) / IN_CLOSED_DRAWN
+                entered = True
             inside = on
     return weights / weights.sum()
