@@ -16,9 +16,9 @@ PARTS: dict[str, tuple[str, ...]] = {
         "wzsumo/mutcd", "-wzsumo/mutcd/other_states.py", "wzsumo/road.py", "wzsumo/tapers.py", "wzsumo/work_zone.py",
     ),
     "zone that changes": ("wzsumo/mutcd/other_states.py",),
-    "traffic": (  # without what places an ego in it
-        "wzsumo/simulation", "-wzsumo/simulation/ego_bodies.py", "-wzsumo/simulation/session.py", "wzsumo/capacity.py",
-        "wzsumo/traffic.py",
+    "traffic": (  # without what places an ego in it, and without how SUMO is begun and ended
+        "wzsumo/simulation", "-wzsumo/simulation/ego_bodies.py", "-wzsumo/simulation/session.py",
+        "-wzsumo/simulation/connection.py", "wzsumo/capacity.py", "wzsumo/traffic.py",
     ),
     "sensing": ("wzsumo/sensing", "wzsumo/scan.py"),
     "lane map": (
