@@ -11,7 +11,7 @@ import struct
 import threading
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -196,12 +196,14 @@ def uninterrupted() -> Iterator[Callable[[], AbstractContextManager[None]]]:
         came.append(number)
 
     def hold() -> None:
+        before.update({number: signal.getsignal(number) for number in ENDING_SIGNALS})
         for number in ENDING_SIGNALS:
-            before[number] = signal.signal(number, note)
+            signal.signal(number, note)
 
     def release() -> None:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        with ExitStack() as handlers:  # all of them, though one that came meanwhile is raised on the way
+            for number, handler in before.items():
+                handlers.callback(signal.signal, number, handler)
         first = came[:1]
         came.clear()
         for number in first:
@@ -215,8 +217,8 @@ def uninterrupted() -> Iterator[Callable[[], AbstractContextManager[None]]]:
         finally:
             hold()
 
-    hold()
     try:
+        hold()
         yield interruptible
     finally:
         release()

@@ -85,6 +85,15 @@ def test_workers_say_once_that_they_compile(capfd: pytest.CaptureFixture[str]) -
     assert capfd.readouterr().err == ""
 
 
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Ctrl-C acts as in a terminal; a shell's background jobs ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("ctrl_c")
 def test_signal_while_workers_end_leaves_no_folder_and_no_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     kill, pids = WorkerProcess.kill, []
@@ -101,6 +110,7 @@ def test_signal_while_workers_end_leaves_no_folder_and_no_process(tmp_path: Path
     assert not alive(pids[0])
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_signal_while_workers_start_leaves_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     start = threading.Thread.start
