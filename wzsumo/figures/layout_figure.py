@@ -27,10 +27,8 @@ from wzsumo.frames import BoolArray
 from wzsumo.units import feet_from_metres
 
 TO_SCALE_LENGTH_M = 80.0  # of the road around the start of the activity area
-SIGN_LEVEL_IN, AREA_LEVEL_IN = (
-    0.315,
-    0.253,
-)  # heights of a sign's text and of an area's name; one that would cover another moves
+# Heights of a sign's text and of an area's name; one that would cover another moves by as much.
+SIGN_LEVEL_IN, AREA_LEVEL_IN = 0.315, 0.253
 SIGN_TEXT_PT, AREA_TEXT_PT = 7, 8
 LETTER_WIDTH = 0.66  # of the size of the text, of DejaVu Sans in capitals
 BESIDE_IN = (0.7, 0.15)  # of the figure beside its axes, left and right, in which text may stand

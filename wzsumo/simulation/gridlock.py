@@ -46,7 +46,7 @@ class Gridlock:
                     self._make_way_for(name)
 
     def _make_way_for(self, name: str) -> None:
-        """Let those who wait for a vehicle in the lane that it must change to be content with their gaps."""
+        """Let followers that wait for a vehicle, in the lane that it must change to, be content with the gaps they have."""
         vehicle, side = self._api.vehicle, self._wanted_side(name)
         if not side or self._is_shut_in_ahead(name, side):
             return
@@ -58,7 +58,7 @@ class Gridlock:
                 vehicle.setMinGap(other, gap - _SPARE_M)
 
     def _is_shut_in_ahead(self, name: str, side: int) -> bool:
-        """Whether a vehicle in the lane that it must change to is beside its front: it cannot change, whoever makes way."""
+        """Whether another vehicle, in the lane that it must change to, is beside its front: then it cannot change lanes."""
         vehicle = self._api.vehicle
         leaders = (vehicle.getLeftLeaders if side > 0 else vehicle.getRightLeaders)(name)
         return any(spare + vehicle.getMinGap(name) < BESIDE_GAP_M for _, spare in leaders)

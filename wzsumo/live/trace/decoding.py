@@ -339,7 +339,7 @@ def _weights(ways: Places, closed: BoolArray) -> FloatArray:
         inside, entered = False, False
         for t in range(ways.shape[1]):
             on = ways[i, t] >= 0 and ways[i, t] % 3 == 0 and closed[ways[i, t] // 3, t]
-            if on and not inside:  # who found one stretch open finds the next one so, too
+            if on and not inside:  # a vehicle that found one stretch open finds the next one open, too
                 weights[i] *= (1.0 if entered else IN_CLOSED) / IN_CLOSED_DRAWN
                 entered = True
             inside = on
