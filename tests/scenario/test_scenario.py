@@ -1,8 +1,10 @@
 """What each section of a scenario decides, and that the names of a study's results change exactly where it decides them."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from pydantic import BaseModel
 from sweep_trials import a_study
 
 from wzsumo.scenario.scenario import Scenario, load_scenario
@@ -90,3 +92,22 @@ def test_ego_drives_the_posted_speed_unless_the_scenario_names_one_and_its_path_
         scenario = load_scenario(f"scenarios/{name}.toml")
         assert scenario.control.target_speed_mps == pytest.approx(speed)
         assert scenario.planner.planned_speed_mps == pytest.approx(speed)
+
+
+def _sections_of_defaults(spec: type[BaseModel], path: str = "") -> Iterator[tuple[str, BaseModel]]:
+    """Each section, at any depth, that stands for itself where it is left out."""
+    for name, field in spec.model_fields.items():
+        if isinstance(default := field.get_default(call_default_factory=True, validated_data={}), BaseModel):
+            yield f"{path}{name}", default
+            yield from _sections_of_defaults(type(default), f"{path}{name}.")
+
+
+def test_key_that_is_left_out_has_the_same_value_whether_its_section_is_given_or_not() -> None:
+    sections = dict(_sections_of_defaults(Scenario))
+    assert {"gnss", "planner", "simulation.demand"} <= sections.keys()
+    for path, left_out in sections.items():
+        for name, field in type(left_out).model_fields.items():
+            if f"{path}.{name}" == "simulation.demand.drivers.name":  # a label: drivers that a scenario gives are its own
+                continue
+            if not field.is_required() and (own := field.get_default(call_default_factory=True, validated_data={})) is not None:
+                assert getattr(left_out, name) == own, f"{path}.{name}"

@@ -58,9 +58,8 @@ def test_total_error_is_80_percent_bias_15_percent_correlated_and_5_percent_whit
     np.testing.assert_allclose(shares, [0.80, 0.15, 0.05])
 
 
-def test_default_receiver_reports_once_a_second_and_its_correlated_error_lasts_for_a_minute() -> None:
-    spec = GnssSpec(error_m=1.0)
-    assert (spec.sampling_interval_s, spec.correlation_time_s) == (1.0, 60.0)
+def test_correlated_error_lasts_for_a_minute_unless_given() -> None:
+    assert GnssSpec(error_m=1.0).correlation_time_s == 60.0
 
 
 def test_part_that_is_left_out_is_zero() -> None:

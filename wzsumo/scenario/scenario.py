@@ -45,7 +45,7 @@ class Scenario(Spec):
     site: Annotated[SiteSpec, Decides.SIMULATION] = SiteSpec()
     simulation: Annotated[SimulationSpec, Decides.SIMULATION] = SimulationSpec()
     crowd: Annotated[CrowdSpec, Decides.REPORTS] = CrowdSpec()
-    gnss: Annotated[GnssSpec, Decides.REPORTS] = GnssSpec(error_m=0.0, sampling_interval_s=0.1)
+    gnss: Annotated[GnssSpec, Decides.REPORTS] = GnssSpec(error_m=0.0)
     mixture: Annotated[MixtureSpec, Decides.REPORTS] = MixtureSpec()
     map: Annotated[MapSpec, Decides.SITE] = MapSpec()
     route: Annotated[RouteSpec, Decides.SITE]

@@ -36,7 +36,7 @@ class GnssSpec(Spec):
     correlated_sd_m: float | None = Field(None, ge=0, le=100)  # first-order Gauss-Markov (Ornstein-Uhlenbeck)
     correlation_time_s: float = Field(60.0, gt=0)  # D. L. Wilson's autocorrelation of a Garmin 12XL bends at 1 min
     white_sd_m: float | None = Field(None, ge=0, le=100)  # anew at each fix
-    sampling_interval_s: float = Field(1.0, ge=0.1, le=60)  # 1 Hz: the usual rate of consumer receivers
+    sampling_interval_s: float = Field(0.1, ge=0.1, le=60)  # the simulation's step, as in the paper; consumer receivers: 1 s
 
     @model_validator(mode="after")
     def _total_or_parts(self) -> Self:

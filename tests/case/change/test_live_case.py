@@ -18,7 +18,7 @@ SCENARIO = Scenario.model_validate({
     "road": {"lane_count": 2, "left_shoulder_ft": 10, "right_shoulder_ft": 10, "length_ft": 6000},
     "work_zone": {"posted_speed_mph": 55, "start_ft": 2800, "closed_lanes": [1], "work_length_ft": 500},
     "simulation": {"demand": {"flow_vph": 1000, "duration_s": 420}},
-    "crowd": {"penetration": 0.5}, "gnss": {"error_m": 1.0}, "map": {"resolution_m": 0.5},
+    "crowd": {"penetration": 0.5}, "gnss": {"error_m": 1.0, "sampling_interval_s": 1.0}, "map": {"resolution_m": 0.5},
     "route": {"start_lane": 1, "start_before_zone_m": 600, "goal_after_zone_m": 300, "goal_lane": 1},
     "live": {
         "changed_at_s": 250, "ego_after_s": 60, "before": {"stands": False},
