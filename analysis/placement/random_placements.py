@@ -3,9 +3,12 @@
     python analysis/placement/random_placements.py NET.net.xml --sumocfg FILE --name i24 --out placement.csv
 
 Edges of two or more lanes are drawn by their length, then position, side and one or two lanes. A place works where SUMO loads
-the closed network, no vehicle's outline, of its type's length and width, reaches over the closed ground, nobody teleports who
-would not without the zone, and no vehicle stands still for more than five minutes (SUMO teleports it then). Of a vehicle with a
-trailer the part is looked at whose place and heading SUMO writes, the first.
+the closed network, no vehicle's outline, of its type's length and width, reaches over the closed ground, and no more vehicles
+teleport than in `open`, which differs from `closed` by the zone alone: so none stands for more than five minutes because of the
+zone (SUMO teleports it then). Of a vehicle with a trailer the part is looked at whose place and heading SUMO writes, the first.
+
+In a network that locks by itself the number for `original` says little about the zone: there drivers do not look ahead as far,
+and another vehicle teleports with every change. What the cuts alone do is `open_against_original.py`'s.
 """
 
 import argparse
@@ -33,7 +36,8 @@ from wzsumo.simulation.connection import sumo_binary
 
 COLUMNS = (
     "network", "number", "edge", "position_m", "side", "lanes", "outcome", "why", "zone_m", "edges", "cut_edges",
-    "elements_changed_beside", "over_devices", "teleports", "teleports_original", "arrived", "arrived_original", "cpu_place_s",
+    "elements_changed_beside", "over_devices", "teleports", "teleports_open", "teleports_original", "arrived",
+    "arrived_original", "cpu_place_s",
 )  # fmt: skip
 WATCHED_M = 20.0  # around the closed ground: farther than a vehicle is long
 
@@ -120,9 +124,11 @@ def _try(
     if "why" not in ran:
         sizes = _sizes(configuration)
         over = len(entered(folder / "closed" / "fcd.xml", folder, sizes=sizes, edges=_edges_around(placed)))
-    row |= {"over_devices": over, "teleports_original": original.get("teleports", 0),
+    # Where nobody teleports, nobody does so because of the zone.
+    without = _run(folder / "open", args, None)["teleports"] if ran["teleports"] > 0 else 0
+    row |= {"over_devices": over, "teleports_open": without, "teleports_original": original.get("teleports", 0),
             "arrived_original": original.get("arrived", 0)} | ran  # fmt: skip
-    works = not over and not row["elements_changed_beside"] and "why" not in ran and ran["teleports"] <= original["teleports"]
+    works = not over and not row["elements_changed_beside"] and "why" not in ran and ran["teleports"] <= without
     return row | {"outcome": "works" if works else "failed"}
 
 

@@ -71,6 +71,27 @@ def freeway_on_earth() -> Path:
 
 
 @functools.cache
+def narrows_and_widens(drops: str) -> Path:
+    """A road of three lanes whose "left" or "right" one ends; for 300 m it has two, then a third opens on the left."""
+    folder = new_folder()
+    nodes = "".join(f'<node id="{name}" x="{x}" y="0"/>' for name, x in (("a", 0), ("b", 1500), ("c", 1800), ("d", 4000)))
+    edges = "".join(
+        f'<edge id="{from_}{to}" from="{from_}" to="{to}" numLanes="{lanes}" speed="29.06"/>'
+        for from_, to, lanes in (("a", "b", 3), ("b", "c", 2), ("c", "d", 3))
+    )
+    ways = [("ab", "bc", lane + (drops == "right"), lane) for lane in (0, 1)]
+    ways += [("bc", "cd", 0, 0), ("bc", "cd", 1, 1), ("bc", "cd", 1, 2)]
+    links = "".join(
+        f'<connection from="{from_}" to="{to}" fromLane="{lane}" toLane="{onto}"/>' for from_, to, lane, onto in ways
+    )
+    parts = {"nod": f"<nodes>{nodes}</nodes>", "edg": f"<edges>{edges}</edges>", "con": f"<connections>{links}</connections>"}
+    for part, text in parts.items():
+        (folder / f"small.{part}.xml").write_text(text)
+    return netconvert(folder, "-n", str(folder / "small.nod.xml"), "-e", str(folder / "small.edg.xml"),
+                      "-x", str(folder / "small.con.xml"))  # fmt: skip
+
+
+@functools.cache
 def city() -> Path:
     """A grid of signals, with sidewalks and crossings, lanes of 3.2 m, two in each direction and a lane for turns."""
     folder = new_folder()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import sumolib
-from placement.networks import freeway, new_folder, placed_on_freeway, zone
+from placement.networks import freeway, narrows_and_widens, new_folder, placed_on_freeway, zone
 
 from wzsumo.errors import PlacementError, SpecError
 from wzsumo.placement.net import Net
@@ -42,6 +42,26 @@ def test_auxiliary_lane_is_none_of_the_road() -> None:
     corridor = placed_on_freeway("m2-AddedOnRampEdge", 10.0, closed_lanes=[3]).corridor
     assert corridor.slots == (1, 2, 3)
     assert corridor.road.own_lanes == 3
+
+
+@pytest.mark.parametrize(("drops", "closed", "slots"), [("left", 0, (0, 1)), ("right", 1, (1, 2))])
+def test_both_lanes_that_stay_lead_on_where_one_ends_and_opens_again(drops: str, closed: int, slots: tuple[int, ...]) -> None:
+    net = Net.read(narrows_and_widens(drops))
+    corridor = place_zone(net, zone(closed_lanes=[closed]), edge_id="ab", position=1300.0).corridor
+    assert corridor.slots == slots
+    assert [[link.lanes[slot] for slot in slots] for link in corridor.links] == [list(slots), [0, 1], [0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("drops", "closed", "words"),
+    [("right", [1, 2], "2 of the 3 lanes of edge 'ab' lead through the .* m of the zone, and it closes all of them"),
+     ("right", [0], "lane 0 of edge 'ab', which the zone closes, ends or turns off at the end of edge 'ab'"),
+     ("left", [1], "vehicles on lane ':c_0_2' would drive over")],
+)  # fmt: skip
+def test_zone_over_a_lane_that_ends_or_opens_is_refused(drops: str, closed: list[int], words: str) -> None:
+    net = Net.read(narrows_and_widens(drops))
+    with pytest.raises(PlacementError, match=words):
+        place_zone(net, zone(closed_lanes=closed), edge_id="ab", position=1300.0)
 
 
 @pytest.mark.parametrize(

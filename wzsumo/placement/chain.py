@@ -86,25 +86,29 @@ def chain_beyond(net: Net, edge: NetEdge, lane: int, *, length: float) -> list[N
 
 
 def _onward(net: Net, edge: NetEdge, lanes: dict[int, int]) -> dict[int, Connection]:
-    """The connection of each slot to the one edge that goes on; slots that do not lead there are left out."""
+    """The connection of each slot to the one edge that goes on; slots that do not lead there are left out.
+
+    Where the leftmost lane leads to several, as where a lane opens, it goes on to the one that most slots stay beside; of
+    equal ones to the left one.
+    """
     ahead = _edge_ahead(net, edge, lanes.values())
-    onward: dict[int, Connection] = {}
-    taken: set[int] = set()
-    for slot in sorted(lanes, reverse=True):  # from the left: where lanes join, the left one leads on
-        links = [c for c in net.outgoing.get((edge.id, lanes[slot]), []) if c.to_edge == ahead and c.to_lane not in taken]
+    ways: dict[int, dict[int, Connection]] = {}
+    for slot, lane in lanes.items():
+        links = {link.to_lane: link for link in net.outgoing.get((edge.id, lane), []) if link.to_edge == ahead}
         if links:
-            onward[slot] = max(links, key=lambda c: c.to_lane)
-            taken.add(onward[slot].to_lane)
-    return _side_by_side(onward)
+            ways[slot] = links
+    if not ways:
+        return {}
+    leftmost = max(ways)
+    return max((_side_by_side(ways, leftmost, to) for to in sorted(ways[leftmost], reverse=True)), key=len)
 
 
-def _side_by_side(onward: dict[int, Connection]) -> dict[int, Connection]:
-    """The slots from the left on that keep their neighbours on the next edge."""
+def _side_by_side(ways: dict[int, dict[int, Connection]], slot: int, to_lane: int) -> dict[int, Connection]:
+    """The slots from the left on that keep their neighbours where the leftmost goes on to a lane."""
     kept: dict[int, Connection] = {}
-    for slot in sorted(onward, reverse=True):
-        if kept and (slot + 1 not in kept or onward[slot].to_lane != kept[slot + 1].to_lane - 1):
-            break
-        kept[slot] = onward[slot]
+    while to_lane in ways.get(slot, {}):
+        kept[slot] = ways[slot][to_lane]
+        slot, to_lane = slot - 1, to_lane - 1
     return kept
 
 

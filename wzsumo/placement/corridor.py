@@ -72,8 +72,8 @@ def find_corridor(
     """The corridor of a zone of `length` [m] that begins at a position of an edge and closes lanes, 0 = rightmost there.
 
     `shoulders` are the widths [m] of the left and the right one. Lanes that end or turn off within that length are none of the
-    road. Raises PlacementError where the road ends before, where a closed lane does not lead through, and where the lanes do
-    not lie side by side.
+    road. Raises PlacementError where the road ends before, where a closed lane does not lead through or no other does, and
+    where the lanes do not lie side by side.
     """
     edge = net.edges[edge_id]
     slots = roadway_slots(edge)
@@ -84,6 +84,11 @@ def find_corridor(
         raise PlacementError(
             f"lane {lost[0]} of edge {edge_id!r}, which the zone closes, ends or turns off at the end of edge "
             f"{last.edge.id!r}, within the {length:.0f} m of the zone; move or shorten the zone, or close another lane"
+        )
+    if set(through) == set(closed):
+        raise PlacementError(
+            f"{len(through)} of the {len(slots)} lanes of edge {edge_id!r} lead through the {length:.0f} m of the zone, and it "
+            "closes all of them; move or shorten the zone, or close fewer lanes"
         )
     corridor = _laid_corridor(net, links, through, shoulders=shoulders)
     start = corridor.station_of(links[0].lane(through[-1]), position)
