@@ -7,7 +7,8 @@ import numpy as np
 from behaviour.outlooks import CAR, LAYOUT, MIDDLE, NOBODY, together, vehicle_at
 
 from wzsumo.behaviour.ego_outlook import EgoOutlook, path_on_road
-from wzsumo.behaviour.speed_plan import SpeedPlanner, SpeedPlanSpec
+from wzsumo.behaviour.speed_plan import SpeedPlanner
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray
 from wzsumo.path import ReferencePath

@@ -5,6 +5,7 @@ from behaviour.outlooks import CAR, LAYOUT, MIDDLE, RIGHT, one_vehicle, outlook,
 from builders import paper_road, paper_work_zone, to_world
 
 from wzsumo.behaviour.ego_outlook import EgoOutlook, path_on_road
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 from wzsumo.behaviour.ways_of_others import ways_of_others
 from wzsumo.ego import EgoState
 from wzsumo.frames import FloatArray
@@ -43,8 +44,10 @@ def test_ways_are_the_same_on_a_road_that_runs_elsewhere() -> None:
     times = np.arange(0.0, 8.0, 0.5)
     traffic = together(one_vehicle(30.0, RIGHT, speed=7), one_vehicle(-25.0, MIDDLE, speed=20.0, heading=0.02))
     ego = outlook(slope=0.05)
-    here = ways_of_others(ego, traffic, layout=LAYOUT, times=times, side_margin_m=0.5)
-    there = ways_of_others(turned_outlook(ego), turned_traffic(traffic), layout=TURNED_LAYOUT, times=times, side_margin_m=0.5)
+    here = ways_of_others(ego, traffic, layout=LAYOUT, times=times, spec=SpeedPlanSpec())
+    there = ways_of_others(
+        turned_outlook(ego), turned_traffic(traffic), layout=TURNED_LAYOUT, times=times, spec=SpeedPlanSpec()
+    )
     assert len(here.enters) == 2
     for name in here._fields:
         np.testing.assert_allclose(getattr(there, name), getattr(here, name), atol=1e-4)

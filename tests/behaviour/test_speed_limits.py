@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wzsumo.behaviour.speed_limits import SpeedLimit, limit_ceiling
-from wzsumo.behaviour.speed_plan import SpeedPlanSpec
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 
 SPEC = SpeedPlanSpec()  # brakes comfortably with 2 m/s2
 SLOW = SpeedLimit(start=100.0, end=200.0, speed=10.0)

@@ -1,14 +1,17 @@
 """What the ego does among others, driven in a loop: braking and jerk are held against the limits of the literature."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
-from behaviour.outlooks import CAR, LANE, LAYOUT, MIDDLE, NOBODY, RIGHT, outlook, vehicle_at
+from behaviour.outlooks import CAR, LANE, LAYOUT, LEFT, MIDDLE, NOBODY, RIGHT, outlook, vehicle_at
 from behaviour.speed_trials import BOTH, START_X, Other, drive
 from builders import by_turns_layout
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wzsumo.behaviour.speed_plan import SpeedPlanner, SpeedPlanSpec, plan_accelerations, speed_profiles
+from wzsumo.behaviour.speed_plan import SpeedPlanner, plan_accelerations, speed_profiles
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 from wzsumo.behaviour.ways_of_others import ways_of_others, with_stop_line
 
 AT_EGO = START_X + CAR.axle_to_centre_m
@@ -141,7 +144,7 @@ def test_ego_that_would_have_to_brake_harder_than_3_drives_on_at_a_stop_line(to_
     layout = by_turns_layout()
     assert layout.taking_turns is not None
     ego = outlook(1.829, speed=20.0, x=layout.taking_turns.start - CAR.axle_to_bumper_m - to_line_m)
-    none = ways_of_others(ego, NOBODY, layout=layout, times=np.arange(3.0), side_margin_m=0.5)
+    none = ways_of_others(ego, NOBODY, layout=layout, times=np.arange(3.0), spec=SpeedPlanSpec())
     assert len(with_stop_line(none, ego, layout=layout).enters) == stops
 
 
@@ -166,6 +169,41 @@ def test_stop_and_go_is_followed_and_moves_off_again() -> None:
     assert trial.gap().min() > 1.5
     assert trial.x[-1] - trial.x[0] > 35
     assert trial.jerk_1s < 1.5
+
+
+def drifts_right_out_of_the_left_lane(by_m: float) -> Callable[[float], float]:
+    """From the middle of the lane that ends, with 0.6 m/s from 1 s on."""
+    return lambda t: LEFT - min(max(0.6 * (t - 1.0), 0.0), by_m)
+
+
+@settings(max_examples=15, deadline=None)
+@given(own=st.floats(12, 28), closing=st.floats(4, 12), lacking=st.floats(0.3, 0.9), drifts_m=st.floats(0.3, 0.8))
+def test_driver_who_moves_to_the_line_is_met_with_comfortable_braking_whatever_the_room(
+    own: float, closing: float, lacking: float, drifts_m: float
+) -> None:
+    """One who waits at the end of its lane for a gap lines up at the side; for such drivers the ego braked at 4.6 m/s2.
+
+    When it begins to drift, after 1 s, there is a share of the room for braking with 2 m/s2.
+    """
+    gap = lacking * closing**2 / 4 + closing
+    other = Other(ahead(gap), drifts_right_out_of_the_left_lane(drifts_m), lambda _t: own - closing)
+    trial = drive([other], speed=own, desired=own, duration_s=8.0, y=lambda _x: MIDDLE)
+    assert trial.acceleration.min() > -2.1
+    assert not trial.touches()
+
+
+@settings(max_examples=15, deadline=None)
+@given(own=st.floats(14, 28), closing=st.floats(1, 12), share=st.floats(0.7, 2))
+def test_driver_who_comes_over_is_not_touched_and_let_in_without_hard_braking_where_there_is_room(
+    own: float, closing: float, share: float
+) -> None:
+    """Room: half a second of response, and braking with 2 m/s2 to a metre behind."""
+    gap = 1 + share * (0.5 * closing + closing**2 / 4)
+    other = Other(ahead(gap + closing), drifts_right_out_of_the_left_lane(LANE), lambda _t: own - closing)
+    trial = drive([other], speed=own, desired=own, duration_s=14.0, y=lambda _x: MIDDLE)
+    assert not trial.touches()
+    if share > 1.2:
+        assert trial.acceleration.min() > -3.4
 
 
 def test_profiles_begin_at_speed_and_acceleration_and_end_at_their_targets() -> None:

@@ -4,6 +4,7 @@ from behaviour.outlooks import CAR, LANE, LAYOUT, LEFT, MIDDLE, NOBODY, RIGHT, o
 from builders import by_turns_layout
 
 from wzsumo.behaviour.ego_outlook import EgoOutlook
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 from wzsumo.behaviour.ways_of_others import WaysOfOthers, ways_of_others
 from wzsumo.traffic import Traffic
 
@@ -12,7 +13,7 @@ BOTH = (4.8 + CAR.length_m) / 2  # half of the two lengths
 
 
 def ways(ego: EgoOutlook, traffic: Traffic) -> WaysOfOthers:
-    return ways_of_others(ego, traffic, layout=LAYOUT, times=TIMES, side_margin_m=0.5)
+    return ways_of_others(ego, traffic, layout=LAYOUT, times=TIMES, spec=SpeedPlanSpec())
 
 
 def test_vehicle_ahead_in_the_lane_is_in_the_way_from_here_on() -> None:
@@ -113,11 +114,11 @@ def test_driver_from_the_other_side_waits_at_the_stop_line_of_the_shared_lane(be
     line, shared = layout.taking_turns.end, 1.5 * LANE
     ego = outlook(shared, speed=15.0, x=line - 150.0)
     coming = vehicle_at(line + 2.4 + beyond_m, shared, speed=15.0, heading=np.pi)
-    found = ways_of_others(ego, coming, layout=layout, times=TIMES, side_margin_m=0.5)
+    found = ways_of_others(ego, coming, layout=layout, times=TIMES, spec=SpeedPlanSpec())
     # Its front stops at the line, which is 150 m from the ego's rear axle: its tail, less half of the ego, is 3.7 m nearer.
     assert found.near[0].min() == pytest.approx(150.0 - CAR.axle_to_centre_m + 2.4 - BOTH, abs=0.05)
     inside = vehicle_at(line - 10.0, shared, speed=15.0, heading=np.pi)  # one that has passed the line drives on
-    passing = ways_of_others(ego, inside, layout=layout, times=TIMES, side_margin_m=0.5)
+    passing = ways_of_others(ego, inside, layout=layout, times=TIMES, spec=SpeedPlanSpec())
     assert passing.near[0, -1] == pytest.approx(passing.near[0, 0] - 15.0 * 8, abs=0.1)
 
 

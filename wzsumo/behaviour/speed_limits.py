@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import inf
 
-from wzsumo.behaviour.speed_plan import SpeedPlanSpec
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 
 HOLD_MPS2 = -1.0  # at the end of the way, and where the ego is faster than the limit of the stretch that it is on
 BRAKES_FROM = 0.7  # of the comfortable deceleration, from where on it brakes for a limit ahead: no sooner, and smoothly then

@@ -8,14 +8,14 @@ Kesting, Treiber & Helbing 2007, MOBIL (what those behind are owed); Treiber, He
 """
 
 from math import inf
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from wzsumo.behaviour.ego_outlook import EgoOutlook
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 from wzsumo.behaviour.ways_of_others import WaysOfOthers, ways_of_others, with_stop_line
 from wzsumo.frames import FloatArray
-from wzsumo.spec import Spec
 from wzsumo.traffic import Traffic
 from wzsumo.work_zone import WorkZoneLayout
 
@@ -25,24 +25,6 @@ N_SPEEDS = 15  # target speeds, from 0 to the desired one
 EMERGENCIES_MPS2 = (-4.0, -5.0, -6.0, -7.0, -8.0)  # braking at once, up to what tyres and pedals give
 RELEASE_JERK_MPS3 = 2.5  # ISO 15622 above 20 m/s
 TOUCH_COST = 1e4  # of a metre inside another's way for a second: more than all comfort
-
-
-class SpeedPlanSpec(Spec):
-    """How the ego minds others: what it keeps from them, what it may ask of them, what it finds comfortable."""
-
-    time_gap_s: float = Field(default=1.5, gt=0)  # behind another; T of Kesting, Treiber & Helbing 2010, Table 1
-    standstill_gap_m: float = Field(default=2.0, gt=0)  # s0, ibid.
-    acceleration_mps2: float = Field(default=1.4, gt=0)  # a, ibid.
-    comfortable_deceleration_mps2: float = Field(default=2.0, gt=0)  # b, ibid.
-    side_margin_m: float = Field(default=0.5, ge=0)  # less beside another is in its way; they keep 0.3 m and move by 0.2 m
-    reaction_time_s: float = Field(default=1.0, ge=0)  # of those behind; SUMO's default tau
-    safe_deceleration_mps2: float = Field(default=4.0, gt=0)  # asked of those behind; b_safe of MOBIL, Kesting et al. 2007
-    emergency_deceleration_mps2: float = Field(default=9.0, gt=0)  # asked where it is too late to wait; SUMO's emergencyDecel
-    response_s: float = Field(default=0.3, ge=0)  # of the car to its pedals; Rajamani 2012, Section 5.3
-    # Costs: the unit is (1 m/s2)^2 for a second.
-    jerk_cost: float = Field(default=0.15, ge=0)  # of (1 m/s3)^2 for a second; Werling et al. weigh comfort and time alike
-    delay_cost: float = Field(default=0.5, ge=0)  # of a metre behind the desired speed; chosen by us
-    room_cost: float = Field(default=20.0, ge=0)  # of a gap that lacks all that is wished, for a second; chosen by us
 
 
 class SpeedPlanner:
@@ -79,8 +61,30 @@ def plan_accelerations(
     acceleration: float,
     spec: SpeedPlanSpec,
 ) -> FloatArray | None:
-    """Accelerations [m/s2] at TIMES_S of the best profile from `acceleration` on; None where nobody is in the way."""
-    ways = ways_of_others(outlook, traffic, layout=layout, times=TIMES_S, side_margin_m=spec.side_margin_m)
+    """Accelerations [m/s2] at TIMES_S of the best profile from `acceleration` on; None where nobody is in the way.
+
+    For those who are not certain to come into the way (see `ways_of_others`) it is no braking that is harder than comfortable.
+    """
+    given: dict[str, Any] = {"layout": layout, "may_enter": may_enter, "acceleration": acceleration, "spec": spec}
+    planned = _best_accelerations(outlook, traffic, **given)
+    least = -spec.comfortable_deceleration_mps2
+    if planned is None or planned.min() >= least:
+        return planned
+    for_certain = _best_accelerations(outlook, traffic, only_certain=True, **given)
+    return np.maximum(planned, least if for_certain is None else np.minimum(for_certain, least))
+
+
+def _best_accelerations(
+    outlook: EgoOutlook,
+    traffic: Traffic,
+    *,
+    layout: WorkZoneLayout,
+    may_enter: bool,
+    acceleration: float,
+    spec: SpeedPlanSpec,
+    only_certain: bool = False,
+) -> FloatArray | None:
+    ways = ways_of_others(outlook, traffic, layout=layout, times=TIMES_S, spec=spec, only_certain=only_certain)
     if not may_enter:
         ways = with_stop_line(ways, outlook, layout=layout)
     if not len(ways.enters):
@@ -113,10 +117,13 @@ def speed_profiles(
     t = np.minimum(TIMES_S, duration)
     smooth = speed + acceleration * t + square * t**2 + cube * t**3
     slopes = np.where(duration > TIMES_S, acceleration + 2 * square * t + 3 * cube * t**2, 0.0)
-    at_once = np.array([*EMERGENCIES_MPS2, spec.acceleration_mps2])[:, None]
-    hard = np.minimum(speed + at_once * TIMES_S, max(highest, speed))
-    speeds = np.maximum(np.vstack([smooth, hard]), 0.0)
-    accelerations = np.vstack([slopes, np.broadcast_to(at_once, hard.shape)])
+    hard = np.broadcast_to(np.array(EMERGENCIES_MPS2)[:, None], (len(EMERGENCIES_MPS2), len(TIMES_S)))
+    freely = np.minimum(acceleration + RELEASE_JERK_MPS3 * TIMES_S, spec.acceleration_mps2)
+    at_once = np.vstack([hard, freely])
+    means = (at_once + np.hstack([at_once[:, :1], at_once[:, :-1]])) / 2
+    changed = np.cumsum(means * np.diff(TIMES_S, prepend=0.0), axis=1)
+    speeds = np.maximum(np.vstack([smooth, np.minimum(speed + changed, max(highest, speed))]), 0.0)
+    accelerations = np.vstack([slopes, at_once])
     return speeds, np.where((speeds <= 0) & (accelerations < 0), 0.0, accelerations)
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wzsumo.behaviour.ego_outlook import EgoOutlook, half_extents
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 from wzsumo.frames import BoolArray, FloatArray, advance
 from wzsumo.traffic import Traffic
 from wzsumo.work_zone import WorkZoneLayout
@@ -34,17 +35,24 @@ class WaysOfOthers(NamedTuple):
 
 
 def ways_of_others(
-    outlook: EgoOutlook, traffic: Traffic, *, layout: WorkZoneLayout, times: FloatArray, side_margin_m: float
+    outlook: EgoOutlook,
+    traffic: Traffic,
+    *,
+    layout: WorkZoneLayout,
+    times: FloatArray,
+    spec: SpeedPlanSpec,
+    only_certain: bool = False,
 ) -> WaysOfOthers:
     """The ways of the vehicles near the ego that it is in, or comes into.
 
     Drivers keep their speed; one who brakes goes on braking for BRAKING_LASTS_S; one from the other side waits at the stop line
     of a lane that both share. They keep their place in their lane, wherever it leads, or move on to its middle where they move
-    there; in a lane that ends, a slower driver ahead who drifts to one side drifts on for DRIFT_S. One behind who comes over to
-    the ego's lane minds the ego. A vehicle is in the way where less than `side_margin_m` is left between the two sides; one
-    that drives beside the ego with less is in the way where it comes nearer by 0.1 m. A vehicle behind is in the way where the
-    ego comes nearer to its way by `side_margin_m`: less is within a lane, and it sees the ego. One in whose way the ego is
-    already follows it and is left out.
+    there; in a lane that ends, a slower driver ahead who drifts to one side drifts on for DRIFT_S. This is not certain before
+    its side is over the lane's line, as it may be lining up there to wait for a gap: `only_certain` leaves it out. One behind
+    who comes over to the ego's lane minds the ego. A vehicle is in the way where less than the side margin is left between the
+    two sides; one that drives beside the ego with less is in the way where it comes nearer by 0.1 m. A vehicle behind is in the
+    way where the ego comes nearer to its way by the margin: less is within a lane, and it sees the ego. One in whose way the
+    ego is already follows it and is left out.
     """
     traffic = traffic.near(outlook.state.x, outlook.state.y, reach_m=REACH_M)
     places = np.arange(0.0, REACH_M, PATH_STEP_M)
@@ -56,21 +64,24 @@ def ways_of_others(
     headings = traffic.poses[:, 2] - layout.road.heading_at(stations)
     speed = traffic.speeds * np.cos(headings)
     half_length = (traffic.lengths + outlook.vehicle.length_m) / 2
+    arrives = places / max(outlook.state.speed, 1.0)
+    drift = traffic.speeds * np.sin(headings)
     may_come_over = (stations - half_length > ego_s[0]) & (speed < outlook.state.speed)
     may_come_over &= _in_ending_lane(stations, offsets, layout)
-    arrives = places / max(outlook.state.speed, 1.0)
-    drift = np.where(may_come_over, traffic.speeds * np.sin(headings), 0.0)
+    if only_certain:
+        may_come_over &= ~_in_ending_lane(stations, offsets + np.sign(drift) * traffic.widths / 2, layout)
+    drift = np.where(may_come_over, drift, 0.0)
     half_width = half_extents(turned, outlook.vehicle.length_m, outlook.vehicle.width_m)[1] + traffic.widths[:, None] / 2
     by_then = speed[:, None] * arrives
     aside = _offsets_in_lane(stations, offsets, np.tan(headings), at=ego_s, driven=by_then, layout=layout) - ego_d
     moved = drift[:, None] * np.clip(arrives, 0.0, DRIFT_S)
     crossed = np.sign(aside + moved) != np.sign(aside)
     gap = np.where(crossed, 0.0, np.minimum(np.abs(aside + moved), np.abs(aside))) - half_width
-    margin = np.clip(gap[:, :1] - 0.1, 0.1, side_margin_m) if gap.size else gap
+    margin = np.clip(gap[:, :1] - 0.1, 0.1, spec.side_margin_m) if gap.size else gap
     in_way = gap < np.where(gap[:, :1] > 0, margin, 0.1)
     follows = in_way[:, 0] & (stations < ego_s[0]) if in_way.size else np.zeros(len(stations), dtype=bool)
     behind = stations + half_length < ego_s[0]
-    in_way &= ~behind[:, None] | (gap[:, :1] - gap > side_margin_m)
+    in_way &= ~behind[:, None] | (gap[:, :1] - gap > spec.side_margin_m)
     kept = in_way.any(axis=1) & ~follows
     braking = np.minimum(traffic.accelerations, 0.0)[:, None] * np.minimum(times, BRAKING_LASTS_S)
     speeds = np.where(speed[:, None] > 0, np.maximum(speed[:, None] + braking, 0.0), speed[:, None])
@@ -146,7 +157,7 @@ def _middles(layout: WorkZoneLayout, stations: FloatArray) -> FloatArray:
 
 
 def _in_ending_lane(stations: FloatArray, offsets: FloatArray, layout: WorkZoneLayout) -> BoolArray:
-    """Whether vehicles (m,) are in a lane that ends before the road does."""
+    """Whether points (m,) are in a lane that ends before the road does."""
     ending = np.zeros(len(stations), dtype=bool)
     for lane in layout.lanes:
         if lane.end < layout.road.length and not lane.opposing:

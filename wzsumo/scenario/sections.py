@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 from shapely import Polygon
 
-from wzsumo.behaviour.speed_plan import SpeedPlanSpec
+from wzsumo.behaviour.speed_plan_spec import SpeedPlanSpec
 from wzsumo.control.controller import ControlSpec
 from wzsumo.errors import SpecError
 from wzsumo.lidar_mapping.loam import LoamSpec
