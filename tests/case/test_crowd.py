@@ -10,6 +10,7 @@ from wzsumo.case.crowd import (
     Crowd,
     collection_figures,
     free_witnessed_ground,
+    linked_ground,
     reported_traces,
     sets_out_s,
     traces_over_zone,
@@ -18,6 +19,7 @@ from wzsumo.case.crowd import (
     witnessed_ground,
 )
 from wzsumo.crowd_mapping.mixture.maps import MixtureSpec
+from wzsumo.crowd_mapping.mixture.mixture import Mixture
 from wzsumo.errors import SpecError
 from wzsumo.frames import BoolArray
 from wzsumo.grid import OccupancyGrid, blank_grid
@@ -60,6 +62,51 @@ def test_ground_that_one_vehicle_drove_over_is_not_known_to_be_free(cells: Occup
     alone = straight_traces([MIDDLE], length_m=1100.0)
     assert not witnessed_ground(cells, alone, reach_m=REACH_M).any()
     assert witnessed_ground(cells, pd.concat([alone, alone.assign(vehicle_id="b")]), reach_m=REACH_M).any()
+
+
+def two_stretches(gap_m: float, *, y: float = MIDDLE) -> Mixture:
+    """From 400 m on for 100 m in the middle of a lane, and for 60 m after a gap; 2 sqrt(3) standard deviations long."""
+    lengths = np.array([100.0, 60.0])
+    middles = np.array([450.0, 500.0 + gap_m + 30.0])
+    return Mixture(
+        weights=np.array([0.6, 0.4]), means=np.column_stack([middles, [MIDDLE, y]]),
+        covariances=np.array([np.diag([length**2 / 12, 0.01]) for length in lengths]),
+        log_likelihood=0.0, n_points=100, converged=True,
+    )  # fmt: skip
+
+
+def links(gap_m: float, traces: pd.DataFrame, cells: OccupancyGrid, *, y: float = MIDDLE) -> BoolArray:
+    crowd = Crowd(traces=traces, road=prepare_site(PAPER).layout.road, spec=MixtureSpec(), seed=1)
+    vars(crowd)["mixture"] = two_stretches(gap_m, y=y)  # what is fitted when it is first asked for
+    return linked_ground(cells, crowd, half_width_m=0.93)
+
+
+@pytest.mark.parametrize("gap_m", [4.0, 25.0, 55.0])
+def test_gap_between_stretches_is_linked_where_one_vehicle_drove_from_one_to_the_next(
+    gap_m: float, cells: OccupancyGrid
+) -> None:
+    ground = links(gap_m, straight_traces([MIDDLE + 0.3], length_m=1100.0), cells)
+    rows, columns = np.nonzero(ground)
+    x, y = columns * cells.resolution + cells.origin[0], rows * cells.resolution + cells.origin[1]
+    half = 0.93 + 0.612  # of a vehicle, and 2.448 standard deviations of 0.25 m
+    assert (x.min(), x.max()) == pytest.approx((500.0 - half, 500.0 + gap_m + half), abs=2 * cells.resolution)
+    assert (y.min(), y.max()) == pytest.approx((MIDDLE - half, MIDDLE + half), abs=2 * cells.resolution)
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "offset_m", "y"),
+    [(70.0, 0.0, MIDDLE), (25.0, 1.0, MIDDLE), (25.0, 0.0, MIDDLE - 3.66), (-10.0, 0.0, MIDDLE)],
+    ids=["longer than the next stretch", "nobody drove there", "another lane", "no gap"],
+)
+def test_stretches_are_not_linked(gap_m: float, offset_m: float, y: float, cells: OccupancyGrid) -> None:
+    assert not links(gap_m, straight_traces([MIDDLE + offset_m], length_m=1100.0), cells, y=y).any()
+
+
+def test_stretches_are_not_linked_by_two_vehicles_of_which_none_drove_from_one_to_the_next(cells: OccupancyGrid) -> None:
+    both = straight_traces([MIDDLE, MIDDLE], length_m=1100.0)
+    first = (both["vehicle_id"] == "v000") & (both["x_m"] < 510.0)
+    second = (both["vehicle_id"] == "v001") & (both["x_m"] > 510.0)
+    assert not links(25.0, both[first | second], cells).any()
 
 
 def test_vehicle_that_waits_witnesses_no_more_ground_than_one_that_drives_by(cells: OccupancyGrid) -> None:

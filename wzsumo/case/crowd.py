@@ -1,5 +1,6 @@
 """The crowd: what equipped vehicles of the fleet report, what is learned of it, and which ground they surely drove over."""
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -9,11 +10,12 @@ from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+import shapely
 from shapely import LineString
 
 from wzsumo.case.watch import Tell
 from wzsumo.crowd_mapping.mixture.augmentation import with_copies
-from wzsumo.crowd_mapping.mixture.maps import MixtureSpec, samples_inside
+from wzsumo.crowd_mapping.mixture.maps import MixtureSpec, driven_lines, samples_inside
 from wzsumo.crowd_mapping.mixture.mixture import Mixture
 from wzsumo.crowd_mapping.mixture.selection import MixtureSweep, sweep_mixtures
 from wzsumo.frames import BoolArray, FloatArray
@@ -32,6 +34,7 @@ MAX_TRACE_ERROR_M = 0.01  # by which a simplified trace may leave the reported o
 # A fix nearer than this to the one before says nothing new of the ground. The fixes of a vehicle that waits are a knot as wide
 # as its receiver's noise, and the ground around the thousands of a long wait takes minutes to find. Chosen by us.
 MIN_FIX_SPACING_M = 0.5
+LINK_STEP_M = 5.0  # between the points of a link: on a radius of 300 m its chords leave the arc by 1 cm
 
 
 def traces_over_zone(fleet: pd.DataFrame, layout: WorkZoneLayout) -> pd.DataFrame:
@@ -181,6 +184,32 @@ def witnessed_ground(cells: OccupancyGrid, traces: pd.DataFrame, *, reach_m: flo
                 line = LineString(driven).simplify(MAX_TRACE_ERROR_M)
                 count += cells_inside(cells, line.buffer(reach_m, cap_style="flat"))
     return count >= MIN_WITNESSES
+
+
+def linked_ground(cells: OccupancyGrid, crowd: Crowd, *, half_width_m: float) -> BoolArray:
+    """Cells (rows, cols) from the end of each stretch of the mixture to the next one's beginning, where a vehicle drove so.
+
+    Components end where the lane bends, and the next one may begin later. The next stretch is the nearest, and the gap is
+    shorter than both. A link is as wide as a stretch is at least.
+    """
+    lines, _ = driven_lines(crowd.mixture)
+    begins, ends = np.take_along_axis(lines, np.argsort(lines[:, :, :1], axis=1), axis=1).swapaxes(0, 1)
+    reach = crowd.spec.driver_sd_m * math.sqrt(-2 * math.log(1 - crowd.spec.mass_share))
+    drove_on = np.zeros((len(lines), len(lines)), dtype=bool)
+    for _, trace in crowd.traces.groupby("vehicle_id"):
+        station, offset = crowd.road.to_sd(trace[["x_m", "y_m"]])
+        order = np.argsort(station, kind="stable")
+        passes = [
+            np.abs(np.interp(s, station[order], offset[order], left=np.nan, right=np.nan) - d) <= reach
+            for s, d in (ends.T, begins.T)
+        ]
+        drove_on |= passes[0][:, None] & passes[1]
+    gap = begins[:, 0] - ends[:, :1]
+    length = (ends - begins)[:, 0]
+    gap = np.where(drove_on & (gap > 0) & (gap < np.minimum(length[:, None], length)), gap, np.inf)
+    links = [LineString([ends[one], begins[gap[one].argmin()]]) for one in np.flatnonzero(np.isfinite(gap.min(axis=1)))]
+    on_ground = shapely.transform(shapely.segmentize(links, LINK_STEP_M), lambda points: crowd.road.to_xy(*points.T))
+    return cells_inside(cells, shapely.union_all(shapely.buffer(on_ground, half_width_m + reach)))
 
 
 def _without_knots(places: FloatArray) -> FloatArray:

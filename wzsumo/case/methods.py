@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import shapely
 
-from wzsumo.case.crowd import Crowd, free_witnessed_ground
+from wzsumo.case.crowd import Crowd, free_witnessed_ground, linked_ground
 from wzsumo.case.map_method import (
     LidarMethod,
     LiveMethod,
@@ -122,6 +122,8 @@ def _joined_squares(crowd: Crowd, task: MapTask) -> OccupancyGrid:
 
 def _swept(crowd: Crowd, task: MapTask) -> OccupancyGrid:
     grid = swept_map(crowd.mixture, road=crowd.road, half_width_m=task.half_width_m, spec=crowd.spec, grid=task.cells)
+    linked = linked_ground(task.cells, crowd, half_width_m=task.half_width_m)
+    grid = grid.with_p_occupied(np.where(linked, 0.0, grid.p_occupied))
     return free_witnessed_ground(grid, crowd.traces, reach_m=task.witness_reach_m)
 
 
