@@ -46,7 +46,7 @@ def main() -> None:
     args = _arguments()
     net, configuration = Net.read(args.net), _configuration(args)
     rng = random.Random(args.seed)
-    edges = [edge for edge in net.edges.values() if _can_be_drawn(edge, args.min_speed)]
+    edges = [edge for edge in net.edges.values() if can_be_drawn(edge, args.min_speed)]
     new = not args.out.exists()
     original: dict[str, int] = {}
     with args.out.open("a", newline="") as file:
@@ -54,11 +54,11 @@ def main() -> None:
         if new:
             writer.writeheader()
         for number in range(args.n):
-            place = _draw(edges, rng)
+            place = draw_place(edges, rng)
             row = {"network": args.name, "number": number, "edge": place[0].id, "position_m": round(place[1], 1),
                    "side": place[2], "lanes": place[3]}  # fmt: skip
             with tempfile.TemporaryDirectory() as folder:
-                row |= _try(net, configuration, place, args, Path(folder), original)
+                row |= try_place(net, configuration, place, args, Path(folder), original)
             writer.writerow(row)
             file.flush()
             print(row, flush=True)
@@ -87,21 +87,27 @@ def _configuration(args: argparse.Namespace) -> Configuration:
     return Configuration.of_files(args.net, args.routes, [])
 
 
-def _can_be_drawn(edge: NetEdge, min_speed: float) -> bool:
+def can_be_drawn(edge: NetEdge, min_speed: float) -> bool:
+    """Whether an edge has two lanes or more for motor vehicles, as fast as `min_speed` [m/s]."""
     roadway = [lane for lane in edge.lanes if lane.is_roadway]
     return not edge.is_internal and len(roadway) > 1 and float(roadway[-1].element.get("speed")) >= min_speed
 
 
-def _draw(edges: list[NetEdge], rng: random.Random) -> tuple[NetEdge, float, Any, int]:
+def draw_place(edges: list[NetEdge], rng: random.Random) -> tuple[NetEdge, float, Any, int]:
+    """An edge by its length, a position [m] on it, a side and how many lanes to close."""
     (edge,) = rng.choices(edges, [edge.length for edge in edges])
     n_lanes = sum(lane.is_roadway for lane in edge.lanes)
     return edge, rng.uniform(0, edge.length), rng.choice(["left", "right"]), rng.choice([1, 2] if n_lanes > 2 else [1])
 
 
-def _try(
+def try_place(
     net: Net, configuration: Configuration, place: tuple[NetEdge, float, Any, int], args: argparse.Namespace, folder: Path,
     original: dict[str, int],
 ) -> dict[str, Any]:  # fmt: skip
+    """The columns that say what became of a place; `original` keeps what SUMO counts without a zone, where that is known.
+
+    Of `args` the work's length, the posted speed and the seconds that are simulated are read.
+    """
     edge, position, side, lanes = place
     keys = {"closed_lanes": list(range(lanes)), "work_length_ft": args.work_ft}
     keys |= {"posted_speed_mph": args.speed_mph} if args.speed_mph else {}
