@@ -112,12 +112,12 @@ def false_alarms() -> str:
 def sumo() -> str:
     """Traces of SUMO's drivers until the first alarm after a change, and alarms before it, a row a change."""
     lines = [
-        "| change | error [m] | n | traces | missed | named | false alarms before | alarms after, all |",
-        "|---|---|---|---|---|---|---|---|",
+        "| change | error [m] | n | traces | missed | named | bound | false alarms before | alarms after, all |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     lines += [
         f"| {row['change']} | {row['error_m']} | {row['n']} | {row['median_traces']} / {row['p95_traces']} | {row['missed']} | "
-        f"{row['right_kind']} | {row['false_before']} in {row['traces_before']} | "
+        f"{row['right_kind']} | {row['bound_traces']} | {row['false_before']} in {row['traces_before']} | "
         f"{row['alarms_after']} in {row['traces_after']} |"
         for row in _rows("live_sumo.csv")
     ]

@@ -17,9 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
-from wzsumo.case.change.stream import changing_stream, known_before
+from analysis.live.bounds import fewest_traces
+from wzsumo.case.change.stream import ENTRY_M, changing_stream, known_before
 from wzsumo.case.change.updates import settled_map, updates_of
 from wzsumo.live.alarms import Alarm
 from wzsumo.scenario.scenario import Scenario
@@ -28,7 +30,7 @@ from wzsumo.simulation.fleet import simulate_fleet
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 COLUMNS = (
     "change", "error_m", "n", "median_traces", "p95_traces", "missed", "right_kind", "traces_before", "false_before",
-    "traces_after", "alarms_after",
+    "traces_after", "alarms_after", "bound_traces",
 )  # fmt: skip
 NONE: dict[str, Any] = {"stands": False}
 # (state before, state after, kinds of alarm that name it)
@@ -45,6 +47,9 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[str, ...]]] = {
     "road closed": (NONE, {"stands": False, "road_closed_ft": 5000.0}, ("road_closed",)),
     "nothing": ({}, {"work_length_ft": 1200.5}, ()),  # 15 cm: a state of its own, so that the section takes it
 }  # fmt: skip
+DURATION_S, LONGER_S = 800, {"start 300 m earlier": 1500, "nothing": 1000}  # of the demand; some 46 traces follow the change
+LEAVING = ("lane closed", "start 300 m earlier")  # changes that show in where drivers leave their lane
+BIN_M, LAST_M = 100, 1700  # LAST_M: the end of the work
 
 
 def scenario(kind: str, *, traffic: int) -> Scenario:
@@ -57,7 +62,7 @@ def scenario(kind: str, *, traffic: int) -> Scenario:
             "posted_speed_mph": 55, "start_ft": 3000, "closed_lanes": [1], "closed_shoulder": "left", "work_length_ft": 1200,
             "device": "drum",
         },
-        "simulation": {"demand": {"flow_vph": 1300, "duration_s": 1000 if kind == "nothing" else 800}},
+        "simulation": {"demand": {"flow_vph": 1300, "duration_s": LONGER_S.get(kind, DURATION_S)}},
         "route": {"start_lane": 1, "goal_lane": 1},
         "live": {"changed_at_s": 420, "ego_after_s": 0, "before": before, "after": after},
     })  # fmt: skip
@@ -66,16 +71,17 @@ def scenario(kind: str, *, traffic: int) -> Scenario:
 def fleets(kind: str, *, traffic: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     """True traces of the fleet before and after a kind of change."""
     before, after, _ = KINDS[kind]
-    longer = kind == "nothing"
-    return _fleet(json.dumps(before), traffic, longer), _fleet(json.dumps(after), traffic, longer)
+    duration_s = LONGER_S.get(kind, DURATION_S)
+    return _fleet(json.dumps(before), traffic, duration_s), _fleet(json.dumps(after), traffic, duration_s)
 
 
 @lru_cache(maxsize=64)
-def _fleet(state: str, traffic: int, longer: bool) -> pd.DataFrame:
+def _fleet(state: str, traffic: int, duration_s: int) -> pd.DataFrame:
     """True traces in a state, which may be that before one change and that after another."""
-    one = scenario("nothing" if longer else "lane closed", traffic=traffic)
-    section = one.model_dump(exclude_unset=True)["live"] | {"after": json.loads(state), "before": {"work_length_ft": 900.0}}
-    standing = Scenario.model_validate(one.model_dump(exclude_unset=True) | {"live": section})
+    one = scenario("lane closed", traffic=traffic).model_dump(exclude_unset=True)
+    one["live"] |= {"after": json.loads(state), "before": {"work_length_ft": 900.0}}
+    one["simulation"]["demand"]["duration_s"] = duration_s
+    standing = Scenario.model_validate(one)
     with tempfile.TemporaryDirectory() as folder:
         return simulate_fleet(standing.write_sumo_files(Path(folder)), on_second=lambda _time: None)
 
@@ -96,7 +102,31 @@ def alarms_of(one: Scenario, both: tuple[pd.DataFrame, pd.DataFrame], *, error_m
     }  # fmt: skip
 
 
-def row_of(kind: str, error_m: float, runs: list[dict[str, Any]]) -> list[object]:
+def bound_of(worlds: list[tuple[Scenario, tuple[pd.DataFrame, pd.DataFrame]]]) -> int:
+    """The fewest traces that any test needs that knows in which lane each vehicle is, by where vehicles leave the left lane.
+
+    Lorden's bound, of the divergence between two histograms of places BIN_M long, with those beside that never were in the
+    lane, and that stayed.
+    """
+    counts = []
+    for state in range(2):
+        found = [_left_at(one, both[state]) for one, both in worlds]
+        counts.append(np.bincount(np.concatenate(found), minlength=LAST_M // BIN_M + 2) + 0.5)
+    was, now = (count / count.sum() for count in counts)
+    return fewest_traces(float(now @ np.log(now / was)))
+
+
+def _left_at(one: Scenario, fleet: pd.DataFrame) -> npt.NDArray[np.int64]:
+    """The number of the bin in which each vehicle was last in the left lane; one more: it stayed; 0: it never was there."""
+    road = one.layout().road
+    s, d = road.to_sd(fleet[["x_m", "y_m"]].to_numpy())
+    vehicles = fleet["vehicle_id"].to_numpy()
+    in_left = (d > road.lane_widths[0]) & (s > ENTRY_M) & (s < LAST_M)
+    last = pd.Series(s[in_left]).groupby(vehicles[in_left]).max()
+    return np.asarray(1 + last.reindex(np.unique(vehicles), fill_value=-BIN_M).to_numpy() // BIN_M, dtype=np.int64)
+
+
+def row_of(kind: str, error_m: float, runs: list[dict[str, Any]], bound: int | str) -> list[object]:
     """One row of the table."""
     delays = np.array([run["after"][0][0] if run["after"] else np.inf for run in runs])
     named = [run["after"][0][1].change.kind in KINDS[kind][2] for run in runs if run["after"]]
@@ -104,7 +134,7 @@ def row_of(kind: str, error_m: float, runs: list[dict[str, Any]]) -> list[object
     return [
         kind, error_m, len(runs), f"{median:.0f}", f"{late:.0f}", int(np.isinf(delays).sum()),
         f"{sum(named) / len(runs):.2f}", sum(run["traces_before"] for run in runs), sum(run["false_before"] for run in runs),
-        sum(run["traces_after"] for run in runs), sum(len(run["after"]) for run in runs),
+        sum(run["traces_after"] for run in runs), sum(len(run["after"]) for run in runs), bound,
     ]  # fmt: skip
 
 
@@ -126,13 +156,14 @@ def main() -> None:
         for kind in args.kinds:
             worlds = [scenario(kind, traffic=args.seed + number) for number in range(args.traffic)]
             driven = [(world, fleets(kind, traffic=world.seed)) for world in worlds]
+            bound = bound_of(driven) if kind in LEAVING else ""
             for error in args.errors:
                 runs = [
                     alarms_of(world, both, error_m=error, receivers=1000 * args.seed + number)
                     for world, both in driven
                     for number in range(args.receivers)
                 ]
-                table.writerow(row_of(kind, error, runs))
+                table.writerow(row_of(kind, error, runs, bound))
                 file.flush()
     sys.stderr.write("done\n")
 

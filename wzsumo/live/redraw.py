@@ -127,7 +127,8 @@ def _odd_users(users: FloatArray, passing: FloatArray) -> float:
 
 def _with_closed_lane(ground: Ground, lane: int, cell: int, traces: Recent) -> tuple[LaneMap, Change]:
     users, passing = _users(traces, lane)
-    users = users - _odd_users(users[cell:], passing[cell:])
+    inside = slice(cell, cell + ODD_REACH_CELLS)
+    users = users - _odd_users(users[inside], passing[inside])
     unused = (users <= USED_SHARE * passing) | ground.closed[lane]
     m = len(unused)
     first = cell

@@ -12,19 +12,20 @@ import numpy as np
 import numpy.typing as npt
 
 from wzsumo.frames import FloatArray, IntArray
-from wzsumo.live.charts.evidence import SHOWN_SHARE, likeness
+from wzsumo.live.charts.evidence import ODD_SHARE, SHOWN_SHARE, likeness
 from wzsumo.live.ground import Ground
 from wzsumo.live.trace.lane_use import LaneUse, Windows, windows_of
 
 ODD_IN_CLOSED = 0.03  # of users of a lane that seem to stay in it although it closes
 LEAVING_PRIOR = (4.0, 0.15)  # traces' worth, and share of users that leave a lane over the reach, before any is seen
 USING_PRIOR = (0.3, 29.7)  # that drive on closed ground, and that do not
-LEAST_LEAVING, LEAST_USING = 0.06, 0.006  # shares below which no habit is trusted
+LEAST_USING = 0.006  # share of users of closed ground below which no habit is trusted
 MOVES_M = (-300.0, -100.0, -50.0, 50.0, 100.0, 300.0)  # of an end, along the road
 TAKE_UPS = (0.08, 0.2, 0.5)  # of vehicles that drive in a lane that is open again
 PLACE_PRIOR = 10.0  # traces' worth of drivers who leave evenly over the reach
 FORGOTTEN_AFTER = 300  # traces: what grew for longer without an alarm is a habit
 PLACE_FLOOR = 0.1  # of a moved end's traces that are anywhere
+NO_PLACE = 1e-9  # where no driver is known to leave or enter, all of a moved end's traces are anywhere
 YOUNG_TRACES = 30.0  # of a place: as many count for the habit before they count for a change
 MOST_TRACES = 2000.0  # remembered
 LEARNED_BELOW = 1.0  # nats
@@ -97,6 +98,7 @@ def add_use(
     for side, seen in enumerate((use.leaves, use.enters)):
         _add_places(
             seen,
+            use.followed[side],
             priors[side],
             moves,
             new.ends[side],
@@ -157,7 +159,7 @@ def _add_closing(
             a = habit[kind, k, t, 0] + LEAVING_PRIOR[0] * prior[k, t]
             b = habit[kind, k, t, 1] + LEAVING_PRIOR[0] * (1 - prior[k, t])
             share = a / (a + b)
-            share = min(max(share + np.sqrt(share * (1 - share) / (a + b + 1)), LEAST_LEAVING), 0.99)
+            share = min(max(share + np.sqrt(share * (1 - share) / (a + b + 1)), ODD_SHARE), 0.99)
             share += (0.99 - share) * likeness(now_s - left_s[k, t])
             if left[k, t] > 0.5:
                 left_s[k, t] = max(left_s[k, t], now_s)
@@ -180,14 +182,18 @@ def _add_closing(
 
 @numba.njit(cache=True, nogil=True)
 def _add_places(  # noqa: C901 - one pass over lanes and moves
-    seen: FloatArray, prior: FloatArray, moves: IntArray, evidence: FloatArray, since: Counts, habit: FloatArray,
-    pending: FloatArray, ratios: FloatArray, ratios_pending: FloatArray, number: int,
+    seen: FloatArray, followed: IntArray, prior: FloatArray, moves: IntArray, evidence: FloatArray, since: Counts,
+    habit: FloatArray, pending: FloatArray, ratios: FloatArray, ratios_pending: FloatArray, number: int,
 ) -> None:  # fmt: skip
+    """One side of the closures. Drivers keep their distance from an end that moves; how far ahead of it, or behind it, they
+    would leave or enter beyond the stretch that the trace passes is not seen, so places are compared given that they lie in it.
+    """
     n_lanes, places = seen.shape
     density = np.empty(places)
     for k in range(n_lanes):
         total = seen[k].sum()
-        if total <= 0.05:
+        low, high = followed[k]
+        if total <= 0.05 or high <= low:
             continue
         n = habit[k].sum()
         half = 2 if n < 100 else (1 if n < 1000 else 0)  # cells to each side over which few drivers are spread
@@ -197,14 +203,16 @@ def _add_places(  # noqa: C901 - one pass over lanes and moves
                 if 0 <= x + dx < places:
                     smooth += (half + 1 - abs(dx)) / (half + 1) ** 2 * habit[k, x + dx]
             density[x] = (smooth + PLACE_PRIOR * prior[x]) / (n + PLACE_PRIOR)
-        most = 0.0
+        most, odd = 0.0, PLACE_FLOOR / (high - low + 1)
+        usual = max(density[low : high + 1].sum(), NO_PLACE)
         for i in range(len(moves)):
-            ratio = 1 - total
-            for x in range(places):
+            ratio, moved = 1 - total, NO_PLACE
+            for x in range(low, high + 1):
+                moved += density[min(max(x - moves[i], 0), places - 1)]
+            for x in range(low, high + 1):
                 if seen[k, x] > 0:
-                    was = (1 - PLACE_FLOOR) * density[x] + PLACE_FLOOR / places
-                    y = x - moves[i]
-                    now = (1 - PLACE_FLOOR) * (density[y] if 0 <= y < places else 0.0) + PLACE_FLOOR / places
+                    was = (1 - PLACE_FLOOR) * density[x] / usual + odd
+                    now = (1 - PLACE_FLOOR) * density[min(max(x - moves[i], 0), places - 1)] / moved + odd
                     ratio += seen[k, x] * now / was
             ratio = 1 - SHOWN_SHARE + SHOWN_SHARE * ratio
             # Divided by what it is in the mean, since the density is only known by counting.

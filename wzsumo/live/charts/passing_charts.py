@@ -1,6 +1,7 @@
 """Charts of passing: traces that end on the road, exits that nobody takes any more, and silence."""
 
 from dataclasses import dataclass
+from math import log
 from statistics import median
 from typing import Any
 
@@ -136,7 +137,7 @@ def _with_exits(
     charts: PassingCharts, reading: Reading, ground: Ground, number: int
 ) -> tuple[FloatArray, Counts, FloatArray, FloatArray]:
     n = len(charts.missed)
-    takes, informs = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    says, takes, informs = np.zeros(n), np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     for index, gate in enumerate(ground.gates):
         if gate is None:
             continue
@@ -148,11 +149,11 @@ def _with_exits(
         outer = 0.0 if side < 0 else ground.width * (ground.n_lanes - 1)
         informs[index] = True
         takes[index] = side * (median(reading.offset[behind][reading.found[behind]].tolist()) - (offset + outer) / 2) > 0
-    # The chance that the next vehicle takes it, as Bayes gives it after all that came, those that did not take it among them:
-    # that it is known by counting alone is in it.
-    counts = charts.exiting + charts.exiting_pending + EXIT_PRIOR
-    share = EXIT_DRIFT * counts[:, 0] / counts.sum(axis=1)
-    says = np.where(takes, np.log(STILL_EXITS), np.log((1 - STILL_EXITS * share) / (1 - share)))
+        # The chance that the next vehicle takes it, as Bayes gives it after all that came, those that did not take it among
+        # them: that it is known by counting alone is in it.
+        counts = (charts.exiting[index] + charts.exiting_pending[index] + EXIT_PRIOR).tolist()
+        share = EXIT_DRIFT * counts[0] / sum(counts)
+        says[index] = log(STILL_EXITS) if takes[index] else log((1 - STILL_EXITS * share) / (1 - share))
     return _grown(charts.missed, charts.missed_since, charts.exiting, charts.exiting_pending, says, takes, informs, number)
 
 

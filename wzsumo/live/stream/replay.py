@@ -1,6 +1,7 @@
 """Traces one after the other through a live map, into its folder."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -18,6 +19,7 @@ from wzsumo.live.trace.reading import read_trace
 
 COMMIT_EVERY = 1000  # traces of files, which are read again from the last commit on
 STREAM_COMMIT_EVERY = 200  # traces of lines, which do not come again
+TOGETHER = 50  # traces of files, taken while signals wait: a twentieth of a second
 EVIDENCE_EVERY = 10
 KEYS_KEPT = 5000  # of the last traces, among which one that comes twice is known
 MAX_OFF_MAP_SHARE = 0.5
@@ -66,7 +68,8 @@ def follow_stream(folder: LiveFolder, lines: TextIO, reading: Reading, *, half_l
     """Take the traces of lines as they come; what was taken before is known by its name and time."""
     folder.position = Position(done=folder.position.done, reading=[], delivered=0)
     try:
-        _take_all(folder, streamed(lines, reading), half_life_s=half_life_s, tell=tell, commit_every=STREAM_COMMIT_EVERY)
+        arrivals = streamed(lines, reading)
+        _take_all(folder, arrivals, half_life_s=half_life_s, tell=tell, commit_every=STREAM_COMMIT_EVERY, together=1)
     finally:
         folder.commit()  # lines do not come again
 
@@ -96,14 +99,18 @@ def _after(arrivals: Iterable[Arrival], delivered: int) -> Iterator[Arrival]:
 
 
 def _take_all(
-    folder: LiveFolder, arrivals: Iterable[Arrival], *, half_life_s: float, tell: Tell, commit_every: int | None = None
-) -> None:
-    for arrival in arrivals:
-        with uninterrupted():  # a trace is taken whole, or not at all
-            _take(folder, arrival, half_life_s=half_life_s, tell=tell)
-            folder.position.delivered += 1
-            if folder.position.delivered % (commit_every or COMMIT_EVERY) == 0:
-                folder.commit()
+    folder: LiveFolder, arrivals: Iterable[Arrival], *, half_life_s: float, tell: Tell, commit_every: int = COMMIT_EVERY,
+    together: int = TOGETHER,
+) -> None:  # fmt: skip
+    """Take the traces, so many `together` while signals wait: a trace is taken whole, or not at all."""
+    traces = iter(arrivals)
+    while some := list(islice(traces, together)):
+        with uninterrupted():
+            for arrival in some:
+                _take(folder, arrival, half_life_s=half_life_s, tell=tell)
+                folder.position.delivered += 1
+                if folder.position.delivered % commit_every == 0:
+                    folder.commit()
 
 
 def _take(folder: LiveFolder, arrival: Arrival, *, half_life_s: float, tell: Tell) -> None:

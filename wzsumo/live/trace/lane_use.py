@@ -51,7 +51,8 @@ class LaneUse:
     """`left`, `stayed`, `came` (REACHES, L, m): share of ways that left lane k over a reach ahead of a cell, stayed, or came.
 
     `leaves` and `enters` (L, places): at which place around the start of the closure ways left the lane for it, and at which
-    they came in behind its end. `uses` (L,): share that drives on closed ground, -1 where the trace does not pass it.
+    they came in behind its end; `followed` (2, L, 2): the first and the last of these places that the trace passes.
+    `uses` (L,): share that drives on closed ground, -1 where the trace does not pass it.
     """
 
     left: FloatArray
@@ -59,13 +60,14 @@ class LaneUse:
     came: FloatArray
     leaves: FloatArray
     enters: FloatArray
+    followed: IntArray
     uses: FloatArray
 
 
 def use_of_lanes(ground: Ground, ways: Ways) -> LaneUse:
     """How the ways used the lanes."""
     windows = windows_of(ground)
-    left, stayed, came, leaves, enters, uses = _use(
+    left, stayed, came, leaves, enters, followed, uses = _use(
         ways.places,
         ways.weights,
         ground.closures,
@@ -75,20 +77,28 @@ def use_of_lanes(ground: Ground, ways: Ways) -> LaneUse:
         windows.min_use,
         ground.n_lanes,
     )
-    return LaneUse(left=left, stayed=stayed, came=came, leaves=leaves, enters=enters, uses=uses)
+    return LaneUse(left=left, stayed=stayed, came=came, leaves=leaves, enters=enters, followed=followed, uses=uses)
 
 
 @numba.njit(cache=True, nogil=True)
 def _use(  # noqa: C901 - the questions share the pass over ways and cells
     ways: Places, weights: FloatArray, ends: IntArray, reaches: IntArray, approach: int, inside: int, min_use: int, n_lanes: int
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, IntArray, FloatArray]:
     n, m = ways.shape
     shape = (len(reaches), n_lanes, m)
     left, stayed, came = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     leaves, enters = np.zeros((n_lanes, approach + inside + 1)), np.zeros((n_lanes, approach + inside + 1))
     uses = -np.ones(n_lanes)
+    followed = np.zeros((2, n_lanes, 2), dtype=np.int64)
+    passed = np.nonzero(ways[0] >= 0)[0]
     for k in range(n_lanes):
         start, end = ends[k]
+        latest, earliest = min(start + inside, end - 1), max(end - inside, start + 1)
+        if start >= 0:
+            followed[0, k, 0] = max(start - approach, passed[0]) - start + approach
+            followed[0, k, 1] = min(latest - 1, passed[-1]) - start + approach
+            followed[1, k, 0] = max(earliest + 1, passed[0]) - end + inside
+            followed[1, k, 1] = min(end + approach, passed[-1]) - end + inside
         for i in range(n):
             way, part = ways[i], weights[i]
             for j in range(len(reaches)):
@@ -120,17 +130,15 @@ def _use(  # noqa: C901 - the questions share the pass over ways and cells
                 if longest >= min(min_use, max(end - start - 4, 1)):
                     uses[k] += part
             # Where the way leaves the lane for the closure: its last cell in the lane ahead of the closure's last quarter.
-            latest = min(start + inside, end - 1)
             last = -1
             for t in range(max(start - approach, 0), latest + 1):
                 if way[t] >= 0 and abs(way[t] - 3 * k) <= 1:
                     last = t
             if 0 <= last < latest and way[latest] >= 0:
                 leaves[k, last - start + approach] += part
-            earliest = max(end - inside, start + 1)
             for t in range(earliest, min(end + approach, m - 1) + 1):
                 if way[t] >= 0 and abs(way[t] - 3 * k) <= 1:
                     if t > earliest and way[earliest] >= 0:
                         enters[k, t - end + inside] += part
                     break
-    return left, stayed, came, leaves, enters, uses
+    return left, stayed, came, leaves, enters, followed, uses
