@@ -194,11 +194,14 @@ def test_bad_input_is_refused_in_one_line(inputs: Path, tmp_path: Path, capsys: 
     )
     assert (code, said.count("\n")) == (2, 1)
     assert "are not on the map's road" in said
-    cut = out / "versions" / "000002" / "lanes.parquet"
-    cut.write_bytes(cut.read_bytes()[:-10])
-    code, _, said = run(capsys, *words(inputs, out))
-    assert (code, said.count("\n")) == (2, 1)
-    assert "is missing or cut off" in said
+    for name in ("lanes.parquet", "lanes.geojson", "version.json"):
+        cut = out / "versions" / "000002" / name
+        whole = cut.read_bytes()
+        cut.write_bytes(whole[:-10])
+        code, _, said = run(capsys, *words(inputs, out))
+        assert (code, said.count("\n")) == (2, 1)
+        assert f"{name}: is missing or cut off" in said
+        cut.write_bytes(whole)
 
 
 def test_a_faulty_row_names_file_and_row(tmp_path: Path) -> None:

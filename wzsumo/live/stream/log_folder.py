@@ -32,7 +32,8 @@ STATE, ALARMS, VERSIONS, EVIDENCE, FOLDER = "state.zip", "alarms.jsonl", "versio
 LOGS = (ALARMS, VERSIONS, EVIDENCE)
 COUNTS = ("taken", "twice", "late", "off_map")
 FIRST = f"{1:06d}"  # name of the first version's folder
-OF_A_VERSION = ("lanes.parquet", "lanes.geojson", "wzdx.geojson", "version.json")
+LANES, VERSION = "lanes.parquet", "version.json"
+OF_A_VERSION = (LANES, "lanes.geojson", "wzdx.geojson", VERSION)
 DAY_S = 86_400.0
 
 
@@ -62,18 +63,21 @@ class LiveFolder:
         number = self.live.version
         folder = self.path / FOLDER / f"{number:06d}"
         content = LanesFile(lanes=lanes, frame=self.frame, utc=self.utc)
-        table = parquet_bytes(lanes_table(lanes))
-        write_whole(folder / "lanes.parquet", table)
-        write_whole(folder / "lanes.geojson", (json.dumps(lanes_geojson(content)) + "\n").encode())
+        files = {
+            LANES: parquet_bytes(lanes_table(lanes)),
+            "lanes.geojson": (json.dumps(lanes_geojson(content)) + "\n").encode(),
+        }
         feed = _feed(content)
         if feed is not None:
-            write_whole(folder / "wzdx.geojson", (json.dumps(feed, indent=1) + "\n").encode())
+            files["wzdx.geojson"] = (json.dumps(feed, indent=1) + "\n").encode()
+        for name, written in files.items():
+            write_whole(folder / name, written)
         line = {
             "version": number, "trace": self.live.number, "at_s": self.live.now_s,
             "why": "the map that it began with" if change is None else change.words, "by_alarm": alarm is not None,
-            "lanes_sha256": hashlib.sha256(table).hexdigest(),
+            "sha256": {name: hashlib.sha256(written).hexdigest() for name, written in files.items()},
         }  # fmt: skip
-        write_whole(folder / "version.json", (json.dumps(line) + "\n").encode())
+        write_whole(folder / VERSION, (json.dumps(line) + "\n").encode())
         self._append(VERSIONS, (json.dumps(line) + "\n").encode())
         return line
 
@@ -151,7 +155,7 @@ def _remove_unbegun(path: Path) -> None:
     names = {file.name for folder in versions for file in folder.glob("*") if not file.name.startswith(PREFIX)}
     held = (path / VERSIONS).read_bytes() if (path / VERSIONS).is_file() else b""
     others = [name for name in (ALARMS, EVIDENCE) if (path / name).is_file() and (path / name).stat().st_size]
-    others += [VERSIONS] if held.count(b"\n") > 1 or (held and b'"lanes_sha256"' not in held) else []
+    others += [VERSIONS] if held.count(b"\n") > 1 or (held and b'"sha256"' not in held) else []
     others += [FOLDER] if [each.name for each in versions] not in ([], [FIRST]) or not names <= set(OF_A_VERSION) else []
     if others:
         raise OutputError(
@@ -219,12 +223,15 @@ def _cut(path: Path, size: int) -> None:
 
 
 def _check_versions(path: Path, *, started: str, map_path: Path, last: int) -> None:
-    lines = [json.loads(line) for line in (path / VERSIONS).read_text(encoding="utf-8").splitlines()]
-    if lines[0]["lanes_sha256"] != started:
+    lines = (path / VERSIONS).read_text(encoding="utf-8").splitlines()
+    if json.loads(lines[0])["sha256"][LANES] != started:
         raise MapError(f"{path}: was begun with another map than {map_path}; name that map, or another folder")
     for line in lines:
-        file = path / FOLDER / f"{line['version']:06d}" / "lanes.parquet"
-        if not file.is_file() or hashlib.sha256(file.read_bytes()).hexdigest() != line["lanes_sha256"]:
-            raise MapError(f"{file}: is missing or cut off; restore it, or replay into a new folder")
+        of_line = json.loads(line)
+        folder = path / FOLDER / f"{of_line['version']:06d}"
+        hashes = of_line["sha256"] | {VERSION: hashlib.sha256(f"{line}\n".encode()).hexdigest()}
+        for file in (folder / name for name in hashes):
+            if not file.is_file() or hashlib.sha256(file.read_bytes()).hexdigest() != hashes[file.name]:
+                raise MapError(f"{file}: is missing or cut off; restore it, or replay into a new folder")
     for number in range(last + 1, last + 1 + len(list((path / FOLDER).iterdir()))):
         shutil.rmtree(path / FOLDER / f"{number:06d}", ignore_errors=True)
