@@ -66,6 +66,22 @@ def test_start_in_the_closing_lane_leads_out_of_it_once_and_back_once(paper: tup
     assert route[-1, 1] == pytest.approx(LEFT, abs=0.06)
 
 
+@pytest.mark.parametrize("speed_mps", [10.0, 20.0, 26.0])
+def test_change_out_of_the_closing_lane_takes_some_seconds_at_the_egos_own_speed(
+    speed_mps: float, paper: tuple[Scenario, Site]
+) -> None:
+    """A slow ego that took as many metres as those at the posted speed was astride the line for 10 s, a tenth of the zone."""
+    scenario, site = paper
+    (first,), _ = site.layout.road.to_sd([site.start[:2]])
+    start = (float(first), float(site.layout.road.to_xy(first, LEFT)[1]), 0.0)
+    planner = scenario.planner.model_copy(update={"planned_speed_mps": speed_mps})
+    scenario = scenario.model_copy(update={"planner": planner})
+    (route,), _ = lanes_to_goal(known_lanes(site), scenario=scenario, site=replace(site, start=start))
+    over = (route[:, 0] < site.layout.area("shifting taper").start) & (np.abs(route[:, 1] - (LEFT + MIDDLE) / 2) < 0.93)
+    # The outline of 1.86 m is over the line for some half of a change of 4.6 s (Toledo & Zohar 2007); points are 5 m apart.
+    assert 1.5 * speed_mps - 5 < np.ptp(route[over, 0]) < 3.5 * speed_mps + 5
+
+
 def test_map_without_lanes_is_searched_by_the_nominal_lanes_before_and_after_the_zone(paper: tuple[Scenario, Site]) -> None:
     scenario, site = paper
     made = MadeMap(map_of_before(site), {})

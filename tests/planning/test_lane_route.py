@@ -74,6 +74,17 @@ def test_ground_that_the_map_has_not_free_is_gone_around() -> None:
     assert (offsets[(STATIONS > 450) & (STATIONS < 550)] <= 3.6).all()
 
 
+@pytest.mark.parametrize("speed", [10.0, 25.0])
+@pytest.mark.parametrize(("blocked_m", "lane"), [(15.0, LEFT), (40.0, RIGHT)])
+def test_lane_is_kept_past_15_m_that_are_not_free_and_left_for_40_m_at_any_speed(
+    blocked_m: float, lane: float, speed: float
+) -> None:
+    blocked = FREE.copy()
+    blocked[np.ix_((STATIONS >= 500) & (STATIONS < 500 + blocked_m), OFFSETS > 3.6)] = True
+    offsets = route(straight(RIGHT), straight(LEFT), ends=(LEFT, LEFT), blocked=blocked, speed=speed)
+    assert np.interp(500 + blocked_m / 2, STATIONS, offsets) == pytest.approx(lane, abs=1.0)
+
+
 def test_cost_is_0_in_the_middles_of_lanes_and_1_between_and_beside_them() -> None:
     lines = np.array([[RIGHT], [LEFT]])
     cost = lane_cost(OFFSETS, lines, weights=np.array([1.0, 0.2]))[0]

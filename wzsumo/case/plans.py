@@ -15,13 +15,12 @@ from shapely import LineString
 from wzsumo.case.map_method import MadeMap, MapMethod
 from wzsumo.frames import BoolArray, FloatArray
 from wzsumo.grid import OccupancyGrid
-from wzsumo.planning.lane_route import BARRED_COST, BLOCKED_COST, OFFSET_STEP_M, STATION_STEP_M, LaneLine, route_offsets
+from wzsumo.planning.lane_route import BARRED_COST, OFFSET_STEP_M, STATION_STEP_M, LaneLine, route_offsets
 from wzsumo.planning.plan import Plan, plan_on_route, plan_path
 from wzsumo.planning.planner_spec import PlannerSpec
 from wzsumo.road import Road
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.scenario.site import Site
-from wzsumo.units import mps_from_mph
 
 # A line on a bend becomes chords between some of its points: how far apart its points are, how far the chords may leave them.
 BEND_POINT_SPACING_M, MAX_CHORD_ERROR_M = 5.0, 0.02
@@ -64,11 +63,10 @@ def lanes_to_goal(made: MadeMap, *, scenario: Scenario, site: Site) -> tuple[tup
     offsets = np.arange(-road.right_shoulder, road.left_edge, OFFSET_STEP_M)
     find = partial(
         route_offsets, stations, (*nominal, *in_zone), ends=(float(ends[0]), float(ends[1])), offsets=offsets,
-        # A slower ego changes lanes along with the others, whose speed the zone's tapers are made for.
-        speed_mps=max(scenario.planner.planned_speed_mps, mps_from_mph(scenario.work_zone.posted_speed_mph)),
+        speed_mps=scenario.planner.planned_speed_mps,
         blocked=_blocked(made.grid, stations, offsets, road=road, half_width_m=scenario.vehicle.width_m / 2),
     )  # fmt: skip
-    best, around = (find(blocked_cost=cost) for cost in (BLOCKED_COST, BARRED_COST))
+    best, around = find(), find(blocked_cost=BARRED_COST)
     routes = (best,) if np.array_equal(best, around) else (best, around)
     return tuple(road.to_xy(stations, route) for route in routes), all_lanes
 

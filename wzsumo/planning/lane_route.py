@@ -22,8 +22,10 @@ LANE_WIDTH_M = 3.66  # 12 ft, AASHTO Green Book
 LANE_CHANGE_S = 4.6  # Toledo & Zohar 2007: mean duration of lane changes
 MAX_SLOPE = 0.3  # sideways against along; a lane change at 10 m/s has a mean slope of 0.08
 MIN_SHARE_OF_LARGEST = 0.05  # of the bumps at a station; where there is less, no lane is
-# Of a metre that the map has not free. BLOCKED: a path may be pushed past a few of them. BARRED: dearer than any way around.
-BLOCKED_COST, BARRED_COST = 20.0, 1e4
+# So many metres that the map has not free cost as much as two changes of lanes: a path may be pushed past a few of them.
+# Chosen by us.
+WORTH_TWO_CHANGES_M = 25.0
+BARRED_COST = 1e4  # of a metre that the map has not free: dearer than any way around
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,23 +58,26 @@ def route_offsets(
     offsets: FloatArray,
     speed_mps: float,
     blocked: BoolArray,
-    blocked_cost: float = BLOCKED_COST,
+    blocked_cost: float | None = None,
 ) -> FloatArray:
     """Offsets (n,) [m] of the route at evenly spaced stations (n,) [m], between the offsets `ends` of start and goal.
 
     It keeps to `offsets` (m,), OFFSET_STEP_M apart; `blocked` (n, m) says where the map is not free. Where no line reaches, the
-    route leads on along the road.
+    route leads on along the road. Without `blocked_cost`, of a metre that is not free, it follows from WORTH_TWO_CHANGES_M.
     """
     step = float(stations[1] - stations[0])
     at_stations = np.array([line.at(stations) for line in lines])
     weights = np.array([line.weight for line in lines])
+    change_m = LANE_CHANGE_S * max(speed_mps, 1.0)  # the length over which a change of lanes is cheapest; it costs 2 of it
+    if blocked_cost is None:
+        blocked_cost = 4 * change_m / WORTH_TWO_CHANGES_M
     cost = step * (lane_cost(offsets, at_stations, weights=weights) + blocked_cost * blocked)
     course = _course(at_stations, weights=weights)
     moves = np.arange(-int(MAX_SLOPE * step / OFFSET_STEP_M), int(MAX_SLOPE * step / OFFSET_STEP_M) + 1)
     before = np.arange(len(offsets))[:, None] - moves
     inside = (before >= 0) & (before < len(offsets))
     before = np.clip(before, 0, len(offsets) - 1)
-    stiffness = (LANE_CHANGE_S * max(speed_mps, 1.0) / LANE_WIDTH_M) ** 2
+    stiffness = (change_m / LANE_WIDTH_M) ** 2
     start, goal = (int(np.argmin(np.abs(offsets - end))) for end in ends)
     total = np.full(len(offsets), np.inf)
     total[start] = 0.0
