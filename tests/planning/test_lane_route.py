@@ -79,8 +79,8 @@ def test_ground_that_the_map_has_not_free_is_gone_around() -> None:
 def test_lane_is_kept_past_15_m_that_are_not_free_and_left_for_40_m_at_any_speed(
     blocked_m: float, lane: float, speed: float
 ) -> None:
-    blocked = FREE.copy()
-    blocked[np.ix_((STATIONS >= 500) & (STATIONS < 500 + blocked_m), OFFSETS > 3.6)] = True
+    blocked = FREE.copy()  # a wall across the left lane, 0.93 m being half a vehicle
+    blocked[np.ix_((STATIONS >= 500) & (500 + blocked_m > STATIONS), OFFSETS > 3.6 - 0.93)] = True
     offsets = route(straight(RIGHT), straight(LEFT), ends=(LEFT, LEFT), blocked=blocked, speed=speed)
     assert np.interp(500 + blocked_m / 2, STATIONS, offsets) == pytest.approx(lane, abs=1.0)
 
