@@ -30,11 +30,12 @@ def test_route_changes_lanes_once_over_the_length_of_a_comfortable_change() -> N
     assert 70 < np.ptp(between) < 160
 
 
-@pytest.mark.parametrize("speed", [10.0, 25.0])
-def test_length_of_a_change_grows_with_the_speed(speed: float) -> None:
+@pytest.mark.parametrize("speed", [10.0, 20.0, 30.0])
+def test_change_takes_4_6_seconds_at_any_speed(speed: float) -> None:
     offsets = route(straight(RIGHT), straight(LEFT), ends=(RIGHT, LEFT), speed=speed)
-    between = STATIONS[(offsets > RIGHT + 0.2) & (offsets < LEFT - 0.2)]
-    assert np.ptp(between) == pytest.approx(4.6 * speed * 0.9, rel=0.35)
+    twentieth = (LEFT - RIGHT) / 20
+    first, last = np.interp([RIGHT + twentieth, LEFT - twentieth], offsets, STATIONS)
+    assert last - first == pytest.approx(4.6 * speed, rel=0.2)
 
 
 def test_route_leaves_a_lane_that_ends_and_returns_where_it_begins_again() -> None:

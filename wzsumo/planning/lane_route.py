@@ -2,11 +2,12 @@
 
 Lines tell where lanes are. A metre in the middle of a lane costs nothing, a metre between two lanes costs 1, and moving
 sideways against the road's course costs the square of the slope. The cheapest line from the start to the goal keeps its lane,
-and changes lanes where that must be, over the length of one comfortable lane change: with cost 1 and a change by w over the
-length l, the sum l + stiffness w^2 / l is least at l = w sqrt(stiffness).
+and changes lanes where that must be, over the length of one comfortable lane change: with a mean cost c and a change by w
+over the length l, the sum c l + stiffness w^2 / l is least at l = w sqrt(stiffness / c), and is 2 c l.
 Source: Viterbi 1967 (the search).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,8 @@ OFFSET_STEP_M = 0.1
 LANE_SD_M = 0.5  # of the places of drivers in a lane, as a line's bump; half a lane is three of it
 LANE_REACH_M = 1.6  # lines nearer to each other than this are of one lane: less than half of the narrowest (10 ft) and a bump
 LANE_WIDTH_M = 3.66  # 12 ft, AASHTO Green Book
+# Of a metre on the way from one lane's middle to the next one's: two halves of a bump are cheaper than 1.
+MEAN_COST_BETWEEN = 1 - math.sqrt(2 * math.pi) * LANE_SD_M / LANE_WIDTH_M
 LANE_CHANGE_S = 4.6  # Toledo & Zohar 2007: mean duration of lane changes
 MAX_SLOPE = 0.3  # sideways against along; a lane change at 10 m/s has a mean slope of 0.08
 MIN_SHARE_OF_LARGEST = 0.05  # of the bumps at a station; where there is less, no lane is
@@ -68,16 +71,16 @@ def route_offsets(
     step = float(stations[1] - stations[0])
     at_stations = np.array([line.at(stations) for line in lines])
     weights = np.array([line.weight for line in lines])
-    change_m = LANE_CHANGE_S * max(speed_mps, 1.0)  # the length over which a change of lanes is cheapest; it costs 2 of it
+    change_m = LANE_CHANGE_S * max(speed_mps, 1.0)  # the length over which a change of lanes is cheapest
     if blocked_cost is None:
-        blocked_cost = 4 * change_m / WORTH_TWO_CHANGES_M
+        blocked_cost = 4 * MEAN_COST_BETWEEN * change_m / WORTH_TWO_CHANGES_M
     cost = step * (lane_cost(offsets, at_stations, weights=weights) + blocked_cost * blocked)
     course = _course(at_stations, weights=weights)
     moves = np.arange(-int(MAX_SLOPE * step / OFFSET_STEP_M), int(MAX_SLOPE * step / OFFSET_STEP_M) + 1)
     before = np.arange(len(offsets))[:, None] - moves
     inside = (before >= 0) & (before < len(offsets))
     before = np.clip(before, 0, len(offsets) - 1)
-    stiffness = (change_m / LANE_WIDTH_M) ** 2
+    stiffness = MEAN_COST_BETWEEN * (change_m / LANE_WIDTH_M) ** 2
     start, goal = (int(np.argmin(np.abs(offsets - end))) for end in ends)
     total = np.full(len(offsets), np.inf)
     total[start] = 0.0
