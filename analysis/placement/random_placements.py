@@ -2,6 +2,7 @@
 
     python analysis/placement/random_placements.py NET.net.xml --sumocfg FILE --name i24 --out placement.csv
 
+Adds a row a place to the CSV file --out; a place that the file has is not tried again.
 Edges of two or more lanes are drawn by their length, then position, side and one or two lanes. A place works where SUMO loads
 the closed network, no vehicle's outline, of its type's length and width, reaches over the closed ground, and no more vehicles
 teleport than in `open`, which differs from `closed` by the zone alone: so none stands for more than five minutes because of the
@@ -48,6 +49,7 @@ def main() -> None:
     rng = random.Random(args.seed)
     edges = [edge for edge in net.edges.values() if can_be_drawn(edge, args.min_speed)]
     new = not args.out.exists()
+    known = set() if new else _numbers(args.out, args.name)
     original: dict[str, int] = {}
     with args.out.open("a", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, restval="")
@@ -55,6 +57,8 @@ def main() -> None:
             writer.writeheader()
         for number in range(args.n):
             place = draw_place(edges, rng)
+            if number in known:
+                continue
             row = {"network": args.name, "number": number, "edge": place[0].id, "position_m": round(place[1], 1),
                    "side": place[2], "lanes": place[3]}  # fmt: skip
             with tempfile.TemporaryDirectory() as folder:
@@ -79,6 +83,12 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--min-speed", type=float, default=0.0, help="of the edges [m/s]")
     parser.add_argument("--out", type=Path, required=True)
     return parser.parse_args()
+
+
+def _numbers(path: Path, name: str) -> set[int]:
+    """The numbers of the places of a network that a file has."""
+    with path.open(newline="") as file:
+        return {int(row["number"]) for row in csv.DictReader(file) if row["network"] == name}
 
 
 def _configuration(args: argparse.Namespace) -> Configuration:
