@@ -160,13 +160,20 @@ def test_share_of_the_work_that_is_learned_ends_at_one(k_max: int) -> None:
     assert shares[-1] == 1.0
 
 
-def test_traces_reach_50_m_beyond_the_zone_and_are_those_of_vehicles_that_passed_it_whole() -> None:
-    layout = PAPER.layout()
+@pytest.mark.parametrize(
+    ("start_ft", "first_m"),
+    [(3000, 3000 * 0.3048 - 805), (1500, 100), (400, 400 * 0.3048 - 50)],  # TA-33's half a mile; drivers' first metres; 50 m
+)
+def test_traces_begin_half_a_mile_ahead_and_are_those_of_vehicles_that_passed_the_zone_whole(
+    start_ft: float, first_m: float
+) -> None:
+    zone, road = PAPER.work_zone.model_copy(update={"start_ft": start_ft}), PAPER.road.model_copy(update={"length_ft": 8000})
+    layout = PAPER.model_copy(update={"work_zone": zone, "road": road}).layout()
     whole = straight_traces([MIDDLE], length_m=layout.road.length, step_m=1.0)
     half = whole[whole["x_m"] < 1000].assign(vehicle_id="half")
     traces = traces_over_zone(pd.concat([whole, half], ignore_index=True), layout)
     assert set(traces["vehicle_id"]) == {"v000"}
-    assert traces["x_m"].min() == pytest.approx(layout.start - 50, abs=1.0)
+    assert traces["x_m"].min() == pytest.approx(first_m, abs=1.0)
     assert traces["x_m"].max() == pytest.approx(layout.end + 50, abs=1.0)
     assert list(traces.index) == list(range(len(traces)))
 
@@ -181,6 +188,14 @@ def test_reports_are_of_so_many_vehicles_as_are_collected_or_used(which: Literal
     few = over_zone[over_zone["vehicle_id"] == "v000"]
     with pytest.raises(SpecError, match=rf"crowd\.{which}={n} asks for more"):
         reported_traces(few, scenario, which=which)
+
+
+def test_mixture_leaves_out_what_lies_ahead_of_its_first_station() -> None:
+    traces, road = straight_traces([MIDDLE], length_m=400.0), PAPER.layout().road
+    behind = traces[road.to_sd(traces[["x_m", "y_m"]])[0] >= 300.0]
+    of_part = Crowd(traces=traces, road=road, spec=MixtureSpec(k_max=2), seed=1, mixed_from_m=300.0)
+    of_rest = Crowd(traces=behind, road=road, spec=MixtureSpec(k_max=2), seed=1)
+    pd.testing.assert_frame_equal(of_part.sweep.table, of_rest.sweep.table)
 
 
 @pytest.mark.parametrize("criterion", ["aic", "bic"])

@@ -27,7 +27,10 @@ from wzsumo.sensing.equipped import choose_equipped, first_traces
 from wzsumo.sensing.gnss import report
 from wzsumo.work_zone import WorkZoneLayout
 
-TRACE_MARGIN_M = 50.0  # traces reach this far beyond the zone, so that what is learned joins the nominal map; chosen by us
+# Traces begin this far ahead of the zone, where MUTCD TA-33 tells drivers which lane closes ("1/2 mile"): many leave it there
+TRACE_AHEAD_M = 805.0
+TRACE_MARGIN_M = 50.0  # they reach this far beyond it, and so do mixtures on either side, to join the nominal map; chosen by us
+ENTRY_M = 100.0  # from the road's start, over which drivers take their place in the lane after SUMO inserted them in its middle
 MIN_WITNESSES = 2  # vehicles; one alone may have been out of its lane
 POSITION_ERROR_SDS = 2.0  # standard deviations that a reported position may be off; 95 % of normal errors are smaller
 MAX_TRACE_ERROR_M = 0.01  # by which a simplified trace may leave the reported one
@@ -38,9 +41,13 @@ LINK_STEP_M = 5.0  # between the points of a link: on a radius of 300 m its chor
 
 
 def traces_over_zone(fleet: pd.DataFrame, layout: WorkZoneLayout) -> pd.DataFrame:
-    """True traces over the zone and TRACE_MARGIN_M beyond it, of the vehicles that passed it from end to end."""
+    """True traces from TRACE_AHEAD_M ahead of the zone to TRACE_MARGIN_M beyond it, of the vehicles that passed all of it.
+
+    They leave out the first ENTRY_M of the road but for TRACE_MARGIN_M ahead of the zone.
+    """
     station, _ = layout.road.to_sd(fleet[["x_m", "y_m"]])
-    in_zone = (station >= layout.start - TRACE_MARGIN_M) & (station <= layout.end + TRACE_MARGIN_M)
+    begin = min(layout.start - TRACE_MARGIN_M, max(layout.start - TRACE_AHEAD_M, ENTRY_M))
+    in_zone = (station >= begin) & (station <= layout.end + TRACE_MARGIN_M)
     return fleet[in_zone & fleet["vehicle_id"].isin(passages(fleet, layout)).to_numpy()].reset_index(drop=True)
 
 
@@ -117,24 +124,26 @@ def _untold() -> Iterator[Tell]:
 class Crowd:
     """The reported traces that make a map, and the mixtures of their points on `road`, fitted when one is first asked for.
 
-    The mixtures are of stations and offsets [m]. `fitting` surrounds the fit, and gives what is told the share that is done.
+    The mixtures are of stations and offsets [m], from the station `mixed_from_m` [m] on. `fitting` surrounds the fit, and gives
+    what is told the share that is done.
     """
 
     traces: pd.DataFrame
     road: Road
     spec: MixtureSpec
     seed: int
+    mixed_from_m: float = -np.inf
     fitting: Callable[[], AbstractContextManager[Tell]] = _untold
 
     @cached_property
     def sweep(self) -> MixtureSweep:
         """One mixture for each number of components 1..k_max."""
         spec = self.spec
+        station, _ = self.road.to_sd(self.traces[["x_m", "y_m"]])
+        mixed = self.traces[station >= self.mixed_from_m]
         with self.fitting() as tell:
             table = (
-                with_copies(self.traces, copies=spec.copies, driver_sd_m=spec.driver_sd_m, seed=self.seed)
-                if spec.copies
-                else self.traces
+                with_copies(mixed, copies=spec.copies, driver_sd_m=spec.driver_sd_m, seed=self.seed) if spec.copies else mixed
             )
             return sweep_mixtures(
                 np.column_stack(self.road.to_sd(table[["x_m", "y_m"]])),

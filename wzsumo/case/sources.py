@@ -9,7 +9,7 @@ import pandas as pd
 
 from wzsumo.case.change.stream import ChangingStream, changing_stream, known_before, section_of
 from wzsumo.case.change.updates import Settled, Update, settled_map, updates_of
-from wzsumo.case.crowd import Crowd, reported_traces
+from wzsumo.case.crowd import TRACE_MARGIN_M, Crowd, reported_traces
 from wzsumo.case.lidar_baseline import LidarBaseline, map_by_lidar
 from wzsumo.case.watch import Tell, Watch
 from wzsumo.case.zone import SimulatedZone
@@ -82,8 +82,11 @@ class Sources:
 
     def _learn(self, scenario: Scenario) -> Crowd:
         used = reported_traces(self.zone.over_zone, scenario, which="used")
-        road = self.site.layout.road
-        return Crowd(traces=used, road=road, spec=scenario.mixture, seed=scenario.seed, fitting=self._fitting)
+        layout = self.site.layout
+        return Crowd(
+            traces=used, road=layout.road, spec=scenario.mixture, seed=scenario.seed, fitting=self._fitting,
+            mixed_from_m=layout.start - TRACE_MARGIN_M,
+        )  # fmt: skip
 
     @contextmanager
     def _fitting(self) -> Iterator[Tell]:

@@ -38,7 +38,10 @@ LEAST_LOG_ODDS = -15.0  # of a closure that is worth a further fit
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Closure:
-    """One closure of a lane: `p_closed`, and given that it is closed the probabilities (stations, stations) of [e, b]."""
+    """One closure of a lane: `p_closed`, and given that it is closed the probabilities of `interval`.
+
+    These (lengths, stations, stations) are of the length of its taper, one of TAPER_LENGTHS, and of [e, b].
+    """
 
     p_closed: float
     interval: FloatArray
@@ -101,7 +104,7 @@ def _with_others(lane: int, closure: Closure, sight: _Sight) -> list[Closure]:
     interval = closure.interval.copy()
     for other in others:
         first, last = _likeliest(other.interval)
-        interval[: last + 1, first:] = 0.0  # e <= last and b >= first: both overlap
+        interval[:, : last + 1, first:] = 0.0  # e <= last and b >= first: both overlap
     return [Closure(p_closed=closure.p_closed, interval=interval / max(interval.sum(), 1e-300)), *others]
 
 
@@ -172,7 +175,7 @@ def _users_may_err(lane: int, interval: FloatArray, sight: _Sight) -> bool:
 
 
 def _doubted(lane: int, interval: FloatArray, sight: _Sight, prior: ClosurePrior) -> tuple[_Sight, FloatArray, float]:
-    """(fit, posterior of [e, b], log odds of closed) with the lane held to be closed, first where `interval` has it likeliest.
+    """(fit, posterior of taper and [e, b], log odds of closed) with the lane held to be closed, first at the likeliest [e, b].
 
     Fit and interval are found in turns: a trace that is held to drive in the lane hides the rest of a closure.
     """
@@ -205,7 +208,8 @@ def _doubted(lane: int, interval: FloatArray, sight: _Sight, prior: ClosurePrior
 
 
 def _likeliest(interval: FloatArray) -> tuple[int, int]:
-    e, b = np.unravel_index(int(interval.argmax()), interval.shape)
+    of_any_length = interval.sum(axis=0)
+    e, b = np.unravel_index(int(of_any_length.argmax()), of_any_length.shape)
     return int(e), int(b)
 
 
@@ -218,7 +222,9 @@ def _evidence(
     left_to: FloatArray | None = None,
     part: slice = slice(None),
 ) -> tuple[FloatArray, float]:
-    """(posterior (stations, stations) of [e, b] given that the lane is closed, log of the evidence for closed against open).
+    """(posterior of taper and [e, b] given that the lane is closed, log of the evidence for closed against open).
+
+    The posterior has the shape (lengths, stations, stations).
 
     `witness` (traces,) is the weight of each trace; `part` are the stations within which the lane may be closed.
     """
@@ -229,7 +235,9 @@ def _evidence(
         visibility=witness * (1 - fit.stray) / (1 + (2 * fit.sigma / fit.course.width) ** 2),
         seeming=np.where(sight.slow[:, part], SEEMING_SHARE_OF_SLOW, SEEMING_SHARE),
         spacing=observations.spacing,
-        changes_per_m=_lane_changes_per_m(fit, observations),
+        changes=_lane_changes(fit, observations),
+        driven_m=observations.reached.sum(axis=1) * observations.spacing,
+        without_change_m=1 / LANE_CHANGES_PER_M,
         left_to=left_to,
     )
     n_lanes = fit.setting.n_lanes
@@ -240,16 +248,15 @@ def _evidence(
     log_joint = np.where(chances > 0, evidence + np.log(np.maximum(chances, 1e-300)), -np.inf)
     best = log_joint.max()
     joint = np.exp(log_joint - best)
-    interval = np.zeros((len(observations.stations),) * 2)
-    interval[part, part] = joint / joint.sum()
+    interval = np.zeros((len(chances), len(observations.stations), len(observations.stations)))
+    interval[:, part, part] = joint / joint.sum()
     return interval, float(best + np.log(joint.sum()))
 
 
-def _lane_changes_per_m(fit: LaneFit, observations: Observations) -> float:
-    """Rate [1/m] at which vehicles change lanes."""
+def _lane_changes(fit: LaneFit, observations: Observations) -> FloatArray:
+    """How often (traces,) each vehicle changes lanes."""
     both = (observations.reached[:, 1:] & observations.reached[:, :-1])[:, :, None]
-    changes = float((np.abs(np.diff(fit.in_lane, axis=1)) * both * (1 - fit.stray)[:, None, None]).sum()) / 2
-    return float((1 + changes) / (1 / LANE_CHANGES_PER_M + observations.reached.sum() * observations.spacing))
+    return np.asarray((np.abs(np.diff(fit.in_lane, axis=1)) * both).sum(axis=(1, 2)) / 2)
 
 
 def slow_stretches(observations: Observations) -> BoolArray:
@@ -285,13 +292,13 @@ def p_open_strips(
 def _closed_strips(interval: FloatArray, stations: FloatArray, inner: FloatArray, *, taper_m: float) -> FloatArray:
     """Chance (stations, strips) that a strip is closed if the lane is; `inner` (strips,) [lane widths] from the inner line."""
     n = len(stations)
-    cumulated = np.zeros((n + 1, n + 1))
-    cumulated[1:, 1:] = interval.cumsum(axis=0).cumsum(axis=1)
     closed = np.zeros((n, len(inner)))
-    for length, p_length in TAPER_LENGTHS:
+    for (length, _), of_length in zip(TAPER_LENGTHS, interval, strict=True):
+        cumulated = np.zeros((n + 1, n + 1))
+        cumulated[1:, 1:] = of_length.cumsum(axis=0).cumsum(axis=1)
         for strip, distance in enumerate(inner):
             # Strip closes at e + ((1 - distance) - USABLE_TAPER_SHARE) L, opens at b + distance times the downstream taper.
             begun = np.searchsorted(stations + (1 - distance - USABLE_TAPER_SHARE) * length * taper_m, stations, side="right")
             ended = np.searchsorted(stations + distance * DOWNSTREAM_TAPER_M, stations, side="right")
-            closed[:, strip] += p_length * (cumulated[begun, n] - cumulated[begun, ended])
+            closed[:, strip] += cumulated[begun, n] - cumulated[begun, ended]
     return closed
