@@ -160,9 +160,9 @@ def interval_prior(
     if announced is not None:
         start *= 1 - P_ANNOUNCEMENT_RIGHT
         sd = np.hypot(np.hypot(announced.start_sd_m, DEVICE_PLACING_SD_M), spacing / 3)
-        for of_length, (length, p_length) in zip(start, TAPER_LENGTHS, strict=True):
+        for number, (length, p_length) in enumerate(TAPER_LENGTHS):
             for offset, weight in _usable_ends(lane, n_lanes, length=length, taper_m=taper_m, shoulder=shoulder):
-                of_length += P_ANNOUNCEMENT_RIGHT * p_length * weight * _normal(s, announced.start_m + offset, sd)
+                start[number] += P_ANNOUNCEMENT_RIGHT * p_length * weight * _normal(s, announced.start_m + offset, sd)
         end = (1 - P_ANNOUNCEMENT_RIGHT) * anywhere + P_ANNOUNCEMENT_RIGHT * _normal(
             s, announced.end_m - DOWNSTREAM_TAPER_M, np.hypot(announced.end_sd_m, spacing / 3)
         )
