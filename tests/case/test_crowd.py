@@ -167,8 +167,10 @@ def test_share_of_the_work_that_is_learned_ends_at_one(k_max: int) -> None:
 def test_traces_begin_half_a_mile_ahead_and_are_those_of_vehicles_that_passed_the_zone_whole(
     start_ft: float, first_m: float
 ) -> None:
-    zone, road = PAPER.work_zone.model_copy(update={"start_ft": start_ft}), PAPER.road.model_copy(update={"length_ft": 8000})
-    layout = PAPER.model_copy(update={"work_zone": zone, "road": road}).layout()
+    content = PAPER.model_dump()
+    content["work_zone"] |= {"start_ft": start_ft}
+    content["road"] |= {"length_ft": 8000}
+    layout = Scenario.model_validate(content).layout()
     whole = straight_traces([MIDDLE], length_m=layout.road.length, step_m=1.0)
     half = whole[whole["x_m"] < 1000].assign(vehicle_id="half")
     traces = traces_over_zone(pd.concat([whole, half], ignore_index=True), layout)
