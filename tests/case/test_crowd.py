@@ -93,6 +93,12 @@ def test_gap_between_stretches_is_linked_where_one_vehicle_drove_from_one_to_the
     assert (y.min(), y.max()) == pytest.approx((MIDDLE - half, MIDDLE + half), abs=2 * cells.resolution)
 
 
+def test_gap_that_the_vehicle_passed_on_another_way_is_not_linked(cells: OccupancyGrid) -> None:
+    trace = straight_traces([MIDDLE], length_m=1100.0)
+    aside = np.interp(trace["x_m"], [505.0, 512.0, 520.0], [0.0, 1.0, 0.0])
+    assert not links(25.0, trace.assign(y_m=trace["y_m"] + aside), cells).any()
+
+
 @pytest.mark.parametrize(
     ("gap_m", "offset_m", "y"),
     [(70.0, 0.0, MIDDLE), (25.0, 1.0, MIDDLE), (25.0, 0.0, MIDDLE - 3.66), (-10.0, 0.0, MIDDLE)],
@@ -100,6 +106,27 @@ def test_gap_between_stretches_is_linked_where_one_vehicle_drove_from_one_to_the
 )
 def test_stretches_are_not_linked(gap_m: float, offset_m: float, y: float, cells: OccupancyGrid) -> None:
     assert not links(gap_m, straight_traces([MIDDLE + offset_m], length_m=1100.0), cells, y=y).any()
+
+
+def test_link_never_leaves_the_lines_that_vehicles_drove(cells: OccupancyGrid) -> None:
+    """Stretches along a shift by 3.6 m: from before it to after it a straight link would be over ground of its own."""
+    traces = straight_traces([0.0], length_m=1100.0)
+    shifted = np.interp(traces["x_m"], [500.0, 560.0], [MIDDLE, MIDDLE - 3.6])
+    begins, ends, offsets = np.array([380.0, 640.0]), np.array([499.0, 760.0]), np.array([MIDDLE, MIDDLE - 3.6])
+    crowd = Crowd(
+        traces=traces.assign(y_m=shifted), road=prepare_site(PAPER).layout.road, spec=MixtureSpec(), seed=1
+    )  # the gap of 141 m is longer than both; one of 61 m is not
+    for gap_shortened_by in (0.0, 80.0):
+        vars(crowd)["mixture"] = Mixture(
+            weights=np.full(2, 0.5), means=np.column_stack([(begins - [0, gap_shortened_by] + ends) / 2, offsets]),
+            covariances=np.array([
+                np.diag([length**2 / 12, 0.01]) for length in ends - begins + np.array([0, gap_shortened_by])
+            ]),
+            log_likelihood=0.0, n_points=100, converged=True,
+        )  # fmt: skip
+        ground = linked_ground(cells, crowd, half_width_m=0.93)
+        x, y = cells.centre_of(*np.nonzero(ground)).T
+        assert (np.abs(y - np.interp(x, [500.0, 560.0], [MIDDLE, MIDDLE - 3.6])) < 0.93 + 2 * 0.612).all()
 
 
 def test_stretches_are_not_linked_by_two_vehicles_of_which_none_drove_from_one_to_the_next(cells: OccupancyGrid) -> None:

@@ -198,26 +198,34 @@ def witnessed_ground(cells: OccupancyGrid, traces: pd.DataFrame, *, reach_m: flo
 def linked_ground(cells: OccupancyGrid, crowd: Crowd, *, half_width_m: float) -> BoolArray:
     """Cells (rows, cols) from the end of each stretch of the mixture to the next one's beginning, where a vehicle drove so.
 
-    Components end where the lane bends, and the next one may begin later. The next stretch is the nearest, and the gap is
-    shorter than both. A link is as wide as a stretch is at least.
+    Components end where the lane bends, and the next one may begin later. A gap is shorter than both stretches, and a link is
+    straight and as wide as a stretch is at least.
     """
     lines, _ = driven_lines(crowd.mixture)
     begins, ends = np.take_along_axis(lines, np.argsort(lines[:, :, :1], axis=1), axis=1).swapaxes(0, 1)
     reach = crowd.spec.driver_sd_m * math.sqrt(-2 * math.log(1 - crowd.spec.mass_share))
-    drove_on = np.zeros((len(lines), len(lines)), dtype=bool)
+    driven = []
     for _, trace in crowd.traces.groupby("vehicle_id"):
         station, offset = crowd.road.to_sd(trace[["x_m", "y_m"]])
         order = np.argsort(station, kind="stable")
-        passes = [
-            np.abs(np.interp(s, station[order], offset[order], left=np.nan, right=np.nan) - d) <= reach
-            for s, d in (ends.T, begins.T)
-        ]
-        drove_on |= passes[0][:, None] & passes[1]
-    gap = begins[:, 0] - ends[:, :1]
-    length = (ends - begins)[:, 0]
-    gap = np.where(drove_on & (gap > 0) & (gap < np.minimum(length[:, None], length)), gap, np.inf)
-    links = [LineString([ends[one], begins[gap[one].argmin()]]) for one in np.flatnonzero(np.isfinite(gap.min(axis=1)))]
-    on_ground = shapely.transform(shapely.segmentize(links, LINK_STEP_M), lambda points: crowd.road.to_xy(*points.T))
+        driven.append((station[order], offset[order]))
+
+    def drove(points: FloatArray) -> bool:
+        return any(
+            (np.abs(np.interp(points[:, 0], *line, left=np.nan, right=np.nan) - points[:, 1]) <= reach).all() for line in driven
+        )
+
+    links = []
+    for end, of_one in zip(ends, (ends - begins)[:, 0], strict=True):
+        later = [n for n in np.flatnonzero(begins[:, 0] > end[0]) if drove(np.stack([end, begins[n]]))]
+        following = min(later, key=lambda n: float(begins[n, 0]), default=None)
+        if following is None:
+            continue
+        gap, of_next = begins[following, 0] - end[0], (ends - begins)[following, 0]
+        if gap < min(of_one, of_next):
+            link = shapely.segmentize(LineString([end, begins[following]]), LINK_STEP_M)
+            links += [link] if drove(shapely.get_coordinates(link)) else []
+    on_ground = shapely.transform(np.array(links, dtype=object), lambda points: crowd.road.to_xy(*points.T))
     return cells_inside(cells, shapely.union_all(shapely.buffer(on_ground, half_width_m + reach)))
 
 
