@@ -10,6 +10,8 @@ DOCS = Path(__file__).parents[2] / "docs"
 NETWORKS = {
     "i24b": "Interstate 24 (yanb514/CorridorCalibration)",
     "alicante": "Alicante-Murcia freeway (jjgonde/Alicante-Murcia-SUMO-Scenario)",
+    "i210": "Interstate 210 and its streets (flow-project/flow, test2.net.xml)",
+    "drawn": "freeways that are drawn, lanes end and open (drawn_networks.py)",
     "ingolstadt21": "Ingolstadt, city (Pi-Star-Lab/RESCO)",
     "cologne8": "Cologne, city (Pi-Star-Lab/RESCO)",
     "bologna": "Bologna, city (DLR-TS/sumo-scenarios)",
@@ -18,15 +20,15 @@ NETWORKS = {
 }
 
 
-def places_table() -> str:
+def places_table(*names: str) -> str:
+    """What became of the places that were drawn in these networks."""
     rows = pd.read_csv(DOCS / "results" / "placement.csv")
     lines = ["| network | placed | work | refused by rule | failed | over closed ground |", "|---|---|---|---|---|---|"]
-    for name, title in NETWORKS.items():
+    for name in names:
         part = rows[rows["network"] == name]
-        if len(part):
-            counts = [int((part["outcome"] == outcome).sum()) for outcome in ("works", "refused", "failed")]
-            over = int(part["over_devices"].clip(lower=0).sum())
-            lines.append(f"| {title} | {len(part)} | {counts[0]} | {counts[1]} | {counts[2]} | {over} |")
+        counts = [int((part["outcome"] == outcome).sum()) for outcome in ("works", "refused", "failed")]
+        over = int(part["over_devices"].clip(lower=0).sum())
+        lines.append(f"| {NETWORKS[name]} | {len(part)} | {counts[0]} | {counts[1]} | {counts[2]} | {over} |")
     return "\n".join(lines)
 
 
