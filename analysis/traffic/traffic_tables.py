@@ -15,11 +15,6 @@ def discharge() -> str:
     return calibrate_traffic.discharge_table(pd.read_csv(RESULTS / "traffic_calibration.csv"))
 
 
-def fresh_discharge() -> str:
-    """The same of the runs since vehicles make way for those that are shut in."""
-    return calibrate_traffic.discharge_table(pd.read_csv(RESULTS / "traffic_fresh.csv"))
-
-
 def discharge_summary() -> str:
     """How far off the HCM's discharge the runs are, and how many locked, in a sentence."""
     rows = pd.read_csv(RESULTS / "traffic_calibration.csv")
