@@ -21,9 +21,8 @@ import numpy.typing as npt
 import pandas as pd
 
 from analysis.live.bounds import fewest_traces
-from wzsumo.case.change.stream import changing_stream, known_before
+from wzsumo.case.change.stream import ENTRY_M, changing_stream, known_before
 from wzsumo.case.change.updates import settled_map, updates_of
-from wzsumo.case.crowd import ENTRY_M
 from wzsumo.live.alarms import Alarm
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.simulation.fleet import simulate_fleet

@@ -189,7 +189,7 @@ def test_share_of_the_work_that_is_learned_ends_at_one(k_max: int) -> None:
 
 @pytest.mark.parametrize(
     ("start_ft", "first_m"),
-    [(3000, 3000 * 0.3048 - 805), (1500, 100), (400, 400 * 0.3048 - 50)],  # TA-33's half a mile; drivers' first metres; 50 m
+    [(3000, 3000 * 0.3048 - 805), (1500, 0)],  # TA-33's half a mile; all of the road, where it begins nearer
 )
 def test_traces_begin_half_a_mile_ahead_and_are_those_of_vehicles_that_passed_the_zone_whole(
     start_ft: float, first_m: float

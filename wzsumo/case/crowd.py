@@ -30,7 +30,6 @@ from wzsumo.work_zone import WorkZoneLayout
 # Traces begin this far ahead of the zone, where MUTCD TA-33 tells drivers which lane closes ("1/2 mile"): many leave it there
 TRACE_AHEAD_M = 805.0
 TRACE_MARGIN_M = 50.0  # they reach this far beyond it, and so do mixtures on either side, to join the nominal map; chosen by us
-ENTRY_M = 100.0  # from the road's start, over which drivers take their place in the lane after SUMO inserted them in its middle
 MIN_WITNESSES = 2  # vehicles; one alone may have been out of its lane
 POSITION_ERROR_SDS = 2.0  # standard deviations that a reported position may be off; 95 % of normal errors are smaller
 MAX_TRACE_ERROR_M = 0.01  # by which a simplified trace may leave the reported one
@@ -41,13 +40,9 @@ LINK_STEP_M = 5.0  # between the points of a link: on a radius of 300 m its chor
 
 
 def traces_over_zone(fleet: pd.DataFrame, layout: WorkZoneLayout) -> pd.DataFrame:
-    """True traces from TRACE_AHEAD_M ahead of the zone to TRACE_MARGIN_M beyond it, of the vehicles that passed all of it.
-
-    They leave out the first ENTRY_M of the road but for TRACE_MARGIN_M ahead of the zone.
-    """
+    """True traces from TRACE_AHEAD_M ahead of the zone to TRACE_MARGIN_M beyond it, of the vehicles that passed all of it."""
     station, _ = layout.road.to_sd(fleet[["x_m", "y_m"]])
-    begin = min(layout.start - TRACE_MARGIN_M, max(layout.start - TRACE_AHEAD_M, ENTRY_M))
-    in_zone = (station >= begin) & (station <= layout.end + TRACE_MARGIN_M)
+    in_zone = (station >= layout.start - TRACE_AHEAD_M) & (station <= layout.end + TRACE_MARGIN_M)
     return fleet[in_zone & fleet["vehicle_id"].isin(passages(fleet, layout)).to_numpy()].reset_index(drop=True)
 
 

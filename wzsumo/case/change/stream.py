@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from wzsumo.case.crowd import ENTRY_M
 from wzsumo.crowd_mapping.map_before import MapBefore
 from wzsumo.errors import SpecError
 from wzsumo.live.stream.arrivals import Arrival, arrivals_of
@@ -17,6 +16,8 @@ from wzsumo.scenario.road_before import map_before, map_before_of
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.sensing.equipped import choose_equipped
 from wzsumo.sensing.gnss import report
+
+ENTRY_M = 100.0  # from the road's start, over which drivers take their place in the lane after SUMO inserted them in its middle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
