@@ -1,10 +1,14 @@
 """How many lanes traces alone show: two witnesses add a lane, one does not, receivers that err by a lane do not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
+from crowd_mapping.lanes.fits import always_in, fit_of, seen
 from scipy.signal import lfilter
 
+from wzsumo.crowd_mapping.lanes import lane_count
 from wzsumo.crowd_mapping.lanes.lane_mapping import map_lanes
 
 LANE_M = 3.6
@@ -71,3 +75,18 @@ def test_lane_that_poor_receivers_alone_show_is_in_doubt_and_warnings_say_so() -
     assert min(first.min(), second.min()) > 0.9
     assert 0.3 < third.max() < 0.8
     assert [word for word in made.figures["warnings"] if word.startswith("lane 2 (0 = rightmost) may not be there")]
+
+
+def test_number_of_lanes_whose_outer_lane_loses_its_users_in_the_full_fit_leaves_the_others_in_play(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Roughly, three lanes are far the likeliest; fitted in full, nobody drives in the third."""
+    observations = seen(np.array([0.0, 0.0, 0.0, 3.6, 3.6, 3.6])[:, None] * np.ones(20))
+    two = fit_of(always_in([0, 0, 0, 1, 1, 1], n_stations=20))
+    rough = replace(fit_of(always_in([0, 1, 2, 0, 1, 2], n_stations=20, n_lanes=3)), log_likelihood=np.full(6, 20.0))
+    full = replace(fit_of(always_in([0, 0, 0, 1, 1, 1], n_stations=20, n_lanes=3)), log_likelihood=np.full(6, 20.0))
+    monkeypatch.setattr(lane_count, "_rough_fits", lambda *_args, **_how: [rough, two])
+    monkeypatch.setattr(lane_count, "in_full", lambda fit, _observations: full if fit is rough else fit)
+    found, there = lane_count.fit_lane_count(observations)
+    assert found is two
+    assert there.tolist() == pytest.approx([1.0, 1.0])

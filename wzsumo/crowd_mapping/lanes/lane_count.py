@@ -29,11 +29,15 @@ NEAR = 10.0  # nats behind the likeliest rough fit, up to which a number of lane
 def fit_lane_count(observations: Observations, *, off_lane: bool = True) -> tuple[LaneFit, FloatArray]:
     """(the likeliest fit over the numbers of lanes, probability (lanes,) that each of its lanes is there).
 
-    Numbers of lanes NEAR the likeliest after rough fits are fitted in full. Without `off_lane` no vehicle is beside lanes.
+    Numbers of lanes NEAR the likeliest after rough fits are fitted in full, and all where none of these has users in its outer
+    lanes any more. Without `off_lane` no vehicle is beside lanes.
     """
     rough = _rough_fits(some_of(observations, SCOUTS), observations, off_lane=off_lane)
     score = _with_closures(rough, observations)
-    fits = [in_full(fit, observations) for fit, of_fit in zip(rough, score, strict=True) if of_fit > score.max() - NEAR]
+    near = score > score.max() - NEAR
+    fits = [in_full(fit, observations) for fit, chosen in zip(rough, near, strict=True) if chosen]
+    if all(_outer_lanes_without_users(fit) for fit in fits):
+        fits += [in_full(fit, observations) for fit, chosen in zip(rough, near, strict=True) if not chosen]
     return likeliest_lanes(fits, _with_closures(fits, observations))
 
 
