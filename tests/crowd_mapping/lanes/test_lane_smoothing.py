@@ -1,5 +1,7 @@
 """The filter of moments and its smoother against a slow exact twin: forward-backward over lanes and a dense grid of u."""
 
+from types import FunctionType
+
 import numpy as np
 import pytest
 from crowd_mapping.lanes.fits import seen
@@ -7,6 +9,7 @@ from crowd_mapping.lanes.test_lane_chain import matrix_of
 from scipy.special import logsumexp
 from scipy.stats import norm
 
+from wzsumo.crowd_mapping.lanes import lane_smoothing
 from wzsumo.crowd_mapping.lanes.lane_chain import LaneChain, lane_chain
 from wzsumo.crowd_mapping.lanes.lane_smoothing import lane_shares, smooth_traces
 from wzsumo.crowd_mapping.lanes.observations import Observations
@@ -162,3 +165,30 @@ def test_trace_without_a_fix_says_nothing() -> None:
     assert smoothed.log_likelihood[0] == 0
     assert smoothed.class_share[0] == pytest.approx([0.9, 0.1])
     assert not smoothed.state_share.any()
+
+
+class _ArraysOfInfinity:
+    """numpy, whose empty arrays hold infinity: memory that was used before may."""
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(np, name)
+
+    def empty(self, shape: int | tuple[int, ...]) -> FloatArray:
+        return np.full(shape, np.inf)
+
+
+def test_parts_that_are_forgotten_leave_nothing_of_what_was_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A vehicle with a good receiver that keeps the right of four lanes: none of the others comes into question at its end."""
+    chain = lane_chain(4, spacing=20.0)
+    receivers = Receivers(sigma=np.array([0.3, 8.0]), rho=np.array([[0.9, 0.99]]), stated=UNSTATED)
+
+    def state_share() -> FloatArray:
+        return smooth_traces(
+            seen(np.zeros((1, 40))), chain, receivers, level=np.zeros(40), width=WIDTH, start=start_of(chain),
+            allowed=np.ones((40, len(chain.position))), class_shares=np.array([1.0, 1e-20]), least_share=0.02,
+        ).state_share  # fmt: skip
+
+    clean = state_share()
+    used_before = FunctionType(lane_smoothing._smooth.py_func.__code__, vars(lane_smoothing) | {"np": _ArraysOfInfinity()})
+    monkeypatch.setattr(lane_smoothing, "_smooth", used_before)
+    np.testing.assert_allclose(state_share(), clean, atol=1e-12)

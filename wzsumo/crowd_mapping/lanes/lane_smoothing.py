@@ -234,7 +234,7 @@ def _smooth(  # noqa: C901 - filters forwards and backwards, and joins them
                     scale[o, :size] = -np.inf
             for f in range(n_parts):
                 if last[f] < np.exp(-FORGOTTEN) * last.sum():
-                    back_scale[f, :size] = -np.inf
+                    back_scale[f, :size], bw[f, :size] = -np.inf, 0.0
                     continue
                 _filter(
                     back_y, back_eta, back_r, back_off_lane[:size], back_allowed, back_level, width, position, burst,
