@@ -163,7 +163,7 @@ def _over_ramp(layout: Layout, traffic: Traffic, s: FloatArray, wander: FloatArr
     assert ramp is not None
     begin, end = ramp.span
     length = random.uniform(*traffic.change)
-    start = random.uniform(begin, end - length)
+    start = random.uniform(begin, max(begin, end - length))
     share = smooth((s - start) / length)
     lanes = -share if ramp.leaves else share - 1.0
     return layout.lane_middle(lanes, s) + wander
