@@ -181,7 +181,7 @@ def drifts_right_out_of_the_left_lane(by_m: float) -> Callable[[float], float]:
 def test_driver_who_moves_to_the_line_is_met_with_comfortable_braking_whatever_the_room(
     own: float, closing: float, lacking: float, drifts_m: float
 ) -> None:
-    """One who waits at the end of its lane for a gap lines up at the side; for such drivers the ego braked at 4.6 m/s2.
+    """A vehicle that waits at the end of its lane for a gap lines up at the side; for such a one the ego braked at 4.6 m/s2.
 
     When it begins to drift, after 1 s, there is a share of the room for braking with 2 m/s2.
     """

@@ -8,7 +8,6 @@ Kesting, Treiber & Helbing 2007, MOBIL (what those behind are owed); Treiber, He
 """
 
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -63,30 +62,27 @@ def plan_accelerations(
 ) -> FloatArray | None:
     """Accelerations [m/s2] at TIMES_S of the best profile from `acceleration` on; None where nobody is in the way.
 
-    For those who are not certain to come into the way (see `ways_of_others`) it is no braking that is harder than comfortable.
+    Vehicles that are not certain to come into the way (see `ways_of_others`) make the ego brake comfortably, and no harder.
     """
-    given: dict[str, Any] = {"layout": layout, "may_enter": may_enter, "acceleration": acceleration, "spec": spec}
-    planned = _best_accelerations(outlook, traffic, **given)
+
+    def planned_for(*, only_certain: bool) -> FloatArray | None:
+        ways = ways_of_others(outlook, traffic, layout=layout, times=TIMES_S, spec=spec, only_certain=only_certain)
+        return _best_accelerations(
+            outlook, ways if may_enter else with_stop_line(ways, outlook, layout=layout), acceleration=acceleration, spec=spec
+        )
+
+    planned = planned_for(only_certain=False)
     least = -spec.comfortable_deceleration_mps2
     if planned is None or planned.min() >= least:
         return planned
-    for_certain = _best_accelerations(outlook, traffic, only_certain=True, **given)
+    for_certain = planned_for(only_certain=True)
     return np.maximum(planned, least if for_certain is None else np.minimum(for_certain, least))
 
 
 def _best_accelerations(
-    outlook: EgoOutlook,
-    traffic: Traffic,
-    *,
-    layout: WorkZoneLayout,
-    may_enter: bool,
-    acceleration: float,
-    spec: SpeedPlanSpec,
-    only_certain: bool = False,
+    outlook: EgoOutlook, ways: WaysOfOthers, *, acceleration: float, spec: SpeedPlanSpec
 ) -> FloatArray | None:
-    ways = ways_of_others(outlook, traffic, layout=layout, times=TIMES_S, spec=spec, only_certain=only_certain)
-    if not may_enter:
-        ways = with_stop_line(ways, outlook, layout=layout)
+    """The same for ways of others that are known."""
     if not len(ways.enters):
         return None
     highest = _top_speed(outlook)
