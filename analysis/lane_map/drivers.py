@@ -162,8 +162,8 @@ def _over_ramp(layout: Layout, traffic: Traffic, s: FloatArray, wander: FloatArr
     ramp = layout.ramp
     assert ramp is not None
     begin, end = ramp.span
-    length = random.uniform(*traffic.change)
-    start = random.uniform(begin, max(begin, end - length))
+    length = min(random.uniform(*traffic.change), end - begin)  # a short opening is passed in a short change
+    start = random.uniform(begin, end - length)
     share = smooth((s - start) / length)
     lanes = -share if ramp.leaves else share - 1.0
     return layout.lane_middle(lanes, s) + wander
