@@ -14,7 +14,7 @@ from wzsumo.live.trace.recent import RecentTrace
 
 
 def with_drivers(charts: LaneCharts, ground: Ground, left_at: list[int], *, first: int) -> LaneCharts:
-    """The charts after drivers of the left lane who leave it at cells, a minute apart."""
+    """The charts after vehicles that drive in the left lane and leave it at the cells `left_at`, a minute apart."""
     for number, cell in enumerate(left_at, start=first):
         places = np.where(np.arange(len(ground.cells)) <= cell, 3, 0).astype(np.int16)
         use = use_of_lanes(ground, Ways(places=places[None], weights=np.ones(1)))
@@ -23,7 +23,7 @@ def with_drivers(charts: LaneCharts, ground: Ground, left_at: list[int], *, firs
 
 
 def test_a_start_that_moves_is_noticed_though_drivers_leave_from_the_road_s_beginning_on() -> None:
-    """They leave evenly over the 600 m ahead of the closure, and then over the 300 m ahead of one that begins earlier.
+    """Drivers leave evenly over the 600 m ahead of the closure, and then over the 300 m ahead of one that begins earlier.
 
     So each leaves the lane where some did before. What tells is that none leaves later: of places twice as likely as before
     each driver says ln 2 at most.

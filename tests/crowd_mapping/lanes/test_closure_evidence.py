@@ -93,7 +93,7 @@ def test_leavers_speak_for_a_closure_by_the_ratio_of_two_predictions_of_lane_cha
     assert abs(near - far) < 1.5  # where they left says little of where the lane closes
 
 
-def test_those_who_leave_more_than_half_a_mile_ahead_or_inside_say_nothing_of_a_closure() -> None:
+def test_vehicles_that_leave_more_than_half_a_mile_ahead_say_nothing_of_a_closure() -> None:
     in_lane = np.zeros((20, STATIONS))
     in_lane[:10, :2] = 1.0
     assert evidence(in_lane)[40, 49] > evidence(in_lane)[44, 49] + 10

@@ -147,7 +147,7 @@ def test_auxiliary_lane_begins_where_good_receivers_enter_it_whatever_poor_ones_
     sigma = np.r_[np.full(42, 0.5), np.full(8, 2.5)]
     _, closures = fit_closures(fit_of(in_lane, sigma=sigma), seen(3.6 * (in_lane @ np.arange(3.0))), ClosurePrior())
     p_open = p_open_strips(closures[0], np.arange(0.0, 1800.0, 20.0), outer_left=False, taper_m=1.0, strips=1)[:, 0]
-    assert p_open[[16, 20, 24]].max() < 0.4  # nobody drove there; where they enter says little of where it opens
+    assert p_open[[16, 20, 24]].max() < 0.3
     assert p_open[48] > 0.8
 
 

@@ -131,7 +131,8 @@ def _interval_evidence(  # noqa: C901 - sums over traces for each pair of statio
 def _distance_of_crowd(changed: FloatArray, visibility: FloatArray, reach: int, direction: int) -> FloatArray:
     """Mean distance (stations,) [stations] of the changes `changed` (traces, stations + 1), cumulated, from each station.
 
-    Changes within `reach` of it in the `direction` count, 1 or -1. Fewer than one count by what there is of one.
+    Changes within `reach` of it in the `direction` count, 1 or -1. Where less than one change is seen, the distance is that
+    share of the mean: what may not have happened tells as much less.
     """
     n, m = changed.shape[0], changed.shape[1] - 1
     weight = np.zeros(m)
