@@ -1,6 +1,6 @@
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,11 @@ from sweep_trials import PAPER, AtOnce, a_study, evaluate_cases, simulate, sweep
 
 from wzsumo.cli import main
 from wzsumo.commands import sweep as sweep_verbs
+from wzsumo.scenario.scenario import Scenario
 from wzsumo.sweep import task_queue as engine
-from wzsumo.sweep.estimate import estimate
+from wzsumo.sweep.estimate import estimate, n_cases_lacking_traces
 from wzsumo.sweep.evaluation.study_case import StudyCase
+from wzsumo.sweep.study_file import Study
 
 
 @pytest.fixture(autouse=True)
@@ -72,6 +74,25 @@ def test_estimate_counts_a_simulation_once_and_a_map_once_for_all_penetration_ra
     assert seconds(seed=[1, 2]) == pytest.approx(2 * one, abs=0.2)
     assert seconds(seed=[1], crowd__penetration=[0.1, 0.2, 0.3]) == one
     assert one < seconds(seed=[1], crowd__used=[2, 3]) < 2 * one
+
+
+@pytest.mark.parametrize("of_study", [lambda study: estimate(study, finished=()), n_cases_lacking_traces])
+def test_more_seeds_lay_out_no_more_zones(of_study: Callable[[Study], object], monkeypatch: pytest.MonkeyPatch) -> None:
+    """To lay out a zone takes milliseconds: a study of 10,000 seeds took minutes before its first word."""
+    laid_out: list[int] = []
+    layout = Scenario.layout
+
+    def counted(scenario: Scenario) -> object:
+        laid_out.append(scenario.seed)
+        return layout(scenario)
+
+    few, many = (a_study(seed=list(range(1, count)), crowd__used=[2, 3]) for count in (3, 30))
+    monkeypatch.setattr(Scenario, "layout", counted)
+    of_study(few)
+    for_few = len(laid_out)
+    of_study(many)
+    assert for_few > 0
+    assert len(laid_out) == 2 * for_few
 
 
 def test_sweep_tells_how_far_it_is_in_plain_lines_where_there_is_no_terminal(

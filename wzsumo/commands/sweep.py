@@ -16,9 +16,8 @@ from wzsumo.commands.terminal.arguments import add_out_folder, count
 from wzsumo.commands.terminal.progress import say
 from wzsumo.commands.terminal.words import lines_of
 from wzsumo.errors import SpecError, count_of
-from wzsumo.scenario.outlook import vehicles_expected_to_pass
 from wzsumo.sweep.cluster import ClusterWorkers
-from wzsumo.sweep.estimate import estimate
+from wzsumo.sweep.estimate import estimate, n_cases_lacking_traces
 from wzsumo.sweep.results import RESULTS, read_results
 from wzsumo.sweep.store import MANIFEST
 from wzsumo.sweep.study_file import Study, load_study
@@ -69,11 +68,7 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 def _say_lacks(args: argparse.Namespace, study: Study) -> None:
     """Say how many cases ask for more traces than can be expected."""
-    n_lacking = 0
-    for cases in study.simulations.values():
-        passing = vehicles_expected_to_pass(cases[0].scenario)
-        n_lacking += sum(case.scenario.crowd.used > case.scenario.crowd.penetration * passing for case in cases)
-    if n_lacking:
+    if n_lacking := n_cases_lacking_traces(study):
         asking = (
             f"{n_lacking} of {len(study.cases)} cases ask for more traces (crowd.used) than equipped vehicles can be expected"
         )

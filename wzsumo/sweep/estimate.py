@@ -1,9 +1,10 @@
 """Estimate: how many cases and simulations a study still needs, and about how long they take."""
 
-from collections.abc import Container
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 
 from wzsumo.case.map_method import Source
+from wzsumo.scenario.outlook import vehicles_expected_to_pass
 from wzsumo.scenario.scenario import Scenario
 from wzsumo.sweep.study_file import Study
 from wzsumo.units import mps_from_mph
@@ -35,13 +36,30 @@ def estimate(study: Study, *, finished: Container[str]) -> Estimate:
     """The work that a study still needs where the cases named in `finished` are finished."""
     missing = [case for case in study.cases if case.id not in finished]
     simulated = {case.simulation: case.scenario for case in missing}
-    seconds = sum(_simulation_s(scenario) for scenario in simulated.values())
+    seconds = sum(len(alike) * _simulation_s(alike[0]) for alike in _but_for_the_seed(simulated.values()))
     evaluated = {case.evaluation: case for case in missing}.values()
     seconds += CPU_S_PER_LIDAR_DRIVE * len({case.source for case in missing if case.map_method.source is Source.LIDAR})
     seconds += sum(case.map_method.cpu_s + CPU_S_PER_DRIVE * case.drive for case in evaluated)
     return Estimate(
         n_cases=len(study.cases), n_missing=len(missing), n_simulations=len(simulated), processor_s=round(seconds, 1)
     )
+
+
+def n_cases_lacking_traces(study: Study) -> int:
+    """How many cases ask for more traces (`crowd.used`) than equipped vehicles can be expected to pass."""
+    n_lacking = 0
+    for alike in _but_for_the_seed(case.scenario for case in study.cases):
+        crowd = alike[0].crowd
+        n_lacking += len(alike) * (crowd.used > crowd.penetration * vehicles_expected_to_pass(alike[0]))
+    return n_lacking
+
+
+def _but_for_the_seed(scenarios: Iterable[Scenario]) -> list[list[Scenario]]:
+    """The scenarios in groups that differ in their seeds alone: to lay out a zone takes milliseconds, and a study has many."""
+    groups: dict[str, list[Scenario]] = {}
+    for scenario in scenarios:
+        groups.setdefault(scenario.model_dump_json(exclude={"seed"}), []).append(scenario)
+    return list(groups.values())
 
 
 def _simulation_s(scenario: Scenario) -> float:
