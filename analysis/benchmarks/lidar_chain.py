@@ -18,7 +18,6 @@ from wzsumo.scenario.scenario import load_scenario
 from wzsumo.scenario.sections import SlamSpec
 from wzsumo.scenario.site import prepare_site
 from wzsumo.sensing import raycast
-from wzsumo.simulation.files import write_sumo_files
 from wzsumo.simulation.fleet import simulate_fleet
 
 PAPER = Path(__file__).parents[2] / "scenarios" / "paper.toml"
@@ -30,7 +29,7 @@ def main() -> None:
     scenario = load_scenario(PAPER, seed=parser.parse_args().seed)
     site = prepare_site(scenario)
     with tempfile.TemporaryDirectory() as folder:
-        files = write_sumo_files(site.layout, Path(folder), spec=scenario.simulation, seed=scenario.seed)
+        files = scenario.write_sumo_files(Path(folder))
         fleet = simulate_fleet(files, on_second=lambda _: None)
     slam_map.compile_kernels()
     raycast.compile_kernels()
