@@ -77,7 +77,9 @@ def test_estimate_counts_a_simulation_once_and_a_map_once_for_all_penetration_ra
 
 
 @pytest.mark.parametrize("of_study", [lambda study: estimate(study, finished=()), n_cases_lacking_traces])
-def test_more_seeds_lay_out_no_more_zones(of_study: Callable[[Study], object], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_seeds_and_crowds_lay_out_no_more_zones(
+    of_study: Callable[[Study], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """To lay out a zone takes milliseconds: a study of 10,000 seeds took minutes before its first word."""
     laid_out: list[int] = []
     layout = Scenario.layout
@@ -86,12 +88,16 @@ def test_more_seeds_lay_out_no_more_zones(of_study: Callable[[Study], object], m
         laid_out.append(scenario.seed)
         return layout(scenario)
 
-    few, many = (a_study(seed=list(range(1, count)), crowd__used=[2, 3]) for count in (3, 30))
+    flows = [700, 1000]
+    few = a_study(simulation__demand__flow_vph=flows, seed=[1])
+    many = a_study(
+        simulation__demand__flow_vph=flows, seed=list(range(1, 9)), crowd__used=[2, 3], crowd__penetration=[0.1, 0.2]
+    )
     monkeypatch.setattr(Scenario, "layout", counted)
     of_study(few)
     for_few = len(laid_out)
     of_study(many)
-    assert for_few > 0
+    assert for_few == len(flows)
     assert len(laid_out) == 2 * for_few
 
 

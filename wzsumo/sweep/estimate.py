@@ -16,6 +16,8 @@ CPU_S_PER_DRIVE = 8.0
 VEHICLES_IN_NETWORK = 300  # taken to be under way in a network: some 10 km of a busy freeway; chosen by us
 CPU_S_PER_LIDAR_DRIVE = 60.0  # a mapping drive of 500 scans
 PROCESS_START_S = 4.0
+# The sections of a scenario that decide how many vehicles are under way, and for how long.
+ZONE_AND_DEMAND = {"road", "network", "work_zone", "live", "simulation"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +38,7 @@ def estimate(study: Study, *, finished: Container[str]) -> Estimate:
     """The work that a study still needs where the cases named in `finished` are finished."""
     missing = [case for case in study.cases if case.id not in finished]
     simulated = {case.simulation: case.scenario for case in missing}
-    seconds = sum(len(alike) * _simulation_s(alike[0]) for alike in _but_for_the_seed(simulated.values()))
+    seconds = sum(len(alike) * _simulation_s(alike[0]) for alike in _alike_in_traffic(simulated.values()))
     evaluated = {case.evaluation: case for case in missing}.values()
     seconds += CPU_S_PER_LIDAR_DRIVE * len({case.source for case in missing if case.map_method.source is Source.LIDAR})
     seconds += sum(case.map_method.cpu_s + CPU_S_PER_DRIVE * case.drive for case in evaluated)
@@ -48,17 +50,17 @@ def estimate(study: Study, *, finished: Container[str]) -> Estimate:
 def n_cases_lacking_traces(study: Study) -> int:
     """How many cases ask for more traces (`crowd.used`) than equipped vehicles can be expected to pass."""
     n_lacking = 0
-    for alike in _but_for_the_seed(case.scenario for case in study.cases):
-        crowd = alike[0].crowd
-        n_lacking += len(alike) * (crowd.used > crowd.penetration * vehicles_expected_to_pass(alike[0]))
+    for alike in _alike_in_traffic(case.scenario for case in study.cases):
+        passing = vehicles_expected_to_pass(alike[0])
+        n_lacking += sum(scenario.crowd.used > scenario.crowd.penetration * passing for scenario in alike)
     return n_lacking
 
 
-def _but_for_the_seed(scenarios: Iterable[Scenario]) -> list[list[Scenario]]:
-    """The scenarios in groups that differ in their seeds alone: to lay out a zone takes milliseconds, and a study has many."""
+def _alike_in_traffic(scenarios: Iterable[Scenario]) -> list[list[Scenario]]:
+    """The scenarios in groups of the same zone and demand: to lay out a zone takes milliseconds, and a study has many cases."""
     groups: dict[str, list[Scenario]] = {}
     for scenario in scenarios:
-        groups.setdefault(scenario.model_dump_json(exclude={"seed"}), []).append(scenario)
+        groups.setdefault(scenario.model_dump_json(include=ZONE_AND_DEMAND), []).append(scenario)
     return list(groups.values())
 
 
